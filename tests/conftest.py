@@ -42,7 +42,6 @@ EXTRAS = {
     "agents/test_solving.py": "minisweagent",
     "evaluation/test_lpips.py": "torch",
     "gym": "gymnasium",
-    "plugins/test_gsplat_renderer.py": "torch",
     "plugins/test_llama_cpp.py": "xllamacpp",
     "plugins/test_piper.py": "can",
     "plugins/test_piper_run.py": "can",

@@ -7,7 +7,7 @@ import pytest
 from gvla2.commands.bench import as_overrides
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import chosen_arms
-from gvla2.evaluation.suites.robot_design import designs, subjects
+from gvla2.evaluation.suites.robot_design import designs, subjects, world_of
 from tests.composing import bench_config
 
 
@@ -22,7 +22,7 @@ def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_liste
     assert (mine.memory, mine.replan, mine.options) == ("governed", 1, {"admission": False})
     assert mine.variant == "governed, admission=False, replan=1"
     usual = config_of(registry, "arms.mine={memory: semantic}")
-    assert usual.chosen_arms == ["off", "on", "shuffled", "semantic", "best_theta", "mine"]
+    assert usual.chosen_arms == ["off", "on", "shuffled", "semantic", "mine"]
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_a_learnable_world_has_a_row_a_family_and_a_design_a_world(registry):
     assert "open_drawer, family 1" in rows
     assert len(rows) == 10
     made = designs(config, registry)
-    assert [design.place for design in made] == ["skill-world1", "skill-world2"]
+    assert [world_of(design.config) for design in made] == ["learnable-1", "learnable-2"]
     assert {one.factors["world"] for design in made for one in design.plan} == {"learnable"}
     keys = [key for design in made for one in (*design.plan, *design.exploring) for key in one.keys]
     assert len(keys) == len(set(keys)), "each world is explored anew"
@@ -105,7 +105,7 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
         ("verifier.margin=0.02", "verifier", "geometric (margin=0.02)"),
         (
             "reconstructor=hull",
-            "parts",
+            "components",
             "reconstructor hull, prior depth, axis contours, fusion residual, renderer numba",
         ),
         ("max_parts=2", "max_parts", "2"),

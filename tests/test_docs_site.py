@@ -26,7 +26,7 @@ from gvla2.plugins.hydra_config import register
 from gvla2.plugins.kinds import KINDS, SLOTS
 from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.testing import CHECKS, check_component, check_skill
-from gvla2.testing.language import LocalModel, said
+from tests.local_model import LocalModel, said
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "hooks").glob("gvla2_*.md"))

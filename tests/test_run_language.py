@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from gvla2.commands.run import build_components, run_episodes
-from gvla2.testing.language import LocalModel, said
+from tests.local_model import LocalModel, said
 from tests.quick import QUICK
 
 KEY = "sk-t0p-s3cret"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,16 +14,14 @@ from gvla2.errors import Gvla2Error
 class AgentTask:
     """One task: what is asked, where its files are, and how its tests are run.
 
-    ``environment`` is the folder with the Dockerfile. ``files`` holds the initial contents of the working folder, if
-    the task needs nothing else and hence no image; None if it needs one. When the agent has finished, ``test.sh`` in
-    ``tests`` is run; the agent never sees that folder. ``family`` names the technique that tasks share ("" for none).
-    Times in seconds; the task's files may take ``disk_mb``, each process ``memory_mb``.
+    ``files`` holds the initial contents of the working folder; None if the task needs an image instead. When the agent
+    has finished, ``test.sh`` in ``tests`` is run; the agent never sees that folder. ``family`` names the technique that
+    tasks share ("" for none). Times in seconds; the task's files may take ``disk_mb``, each process ``memory_mb``.
     """
 
     name: str
     instruction: str
     folder: Path
-    environment: Path
     tests: Path
     files: Path | None = None
     family: str = ""
@@ -57,14 +54,6 @@ class Sandbox(Protocol):
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
     ) -> Output:
         """Run a command by bash in the working folder. File changes persist, shell variables do not."""
-        ...
-
-
-class TestedSandbox(Sandbox, Protocol):
-    """A sandbox that can show commands a task's tests when the agent has finished."""
-
-    def mounted(self, folder: Path, at: str) -> AbstractContextManager[None]:
-        """Context manager that shows commands a host folder there; links in it lead nowhere on the host."""
         ...
 
 

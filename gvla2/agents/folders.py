@@ -76,7 +76,6 @@ def read_task(folder: Path) -> AgentTask:
         name=folder.name,
         instruction=instruction,
         folder=folder,
-        environment=folder / "environment",
         tests=folder / "tests",
         files=files,
         family=str(metadata.get("family", "")),

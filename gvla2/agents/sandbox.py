@@ -1,4 +1,4 @@
-"""Sandboxes for agents: mini-swe-agent's bubblewrap and Docker environments, with stricter arguments.
+"""The sandbox for agents: mini-swe-agent's bubblewrap environment with stricter arguments.
 
 The host never opens, follows or executes a file that an agent wrote: commands inside the sandbox do it.
 """
@@ -8,10 +8,9 @@ from __future__ import annotations
 import os
 import shlex
 import shutil
-import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -46,18 +45,33 @@ exit $status
 """Runs one command under the limits. Output goes through a file so that a process left behind cannot hold it open."""
 
 
-class MiniSweSandbox:
-    """A :class:`~gvla2.agents.contracts.Sandbox` around an ``environment`` of mini-swe-agent.
+class BubblewrapSandbox:
+    """A :class:`~gvla2.agents.contracts.Sandbox` of Linux namespaces around mini-swe-agent's environment.
 
-    ``folder`` is the working folder as commands see it. The files in ``writable`` may take ``disk_mb``, each process
-    ``memory_mb``.
+    Commands get no network, no other process, and none of the host's variables or files but its programs. ``root`` is a
+    folder of the host for what they write: the working folder, ``/tmp``, the home, ``/logs``. The files may take
+    ``disk_mb``, each process ``memory_mb``.
     """
 
-    def __init__(
-        self, environment: Any, folder: str, writable: Sequence[str], disk_mb: int, memory_mb: int
-    ) -> None:
-        self.folder = folder
-        self._environment, self._writable = environment, shlex.join(writable)
+    folder = _WRITABLE["app"]
+
+    def __init__(self, root: Path, disk_mb: int = 512, memory_mb: int = 4096) -> None:
+        prepare_minisweagent()
+        from minisweagent.environments.extra.bubblewrap import BubblewrapEnvironment
+
+        if (program := shutil.which("bwrap")) is None:
+            raise MissingDependencyError(
+                "the program 'bwrap'", "Running an agent in a sandbox", "apt install bubblewrap (LGPL-2.0)"
+            )
+        for name in _WRITABLE:
+            (root / name).mkdir(parents=True, exist_ok=True)
+        self._environment: Any = BubblewrapEnvironment(
+            executable=shutil.which("env", path=_PATH) or "env",
+            wrapper_args=["-i", program, *_namespaces(root, disk_mb)],
+            cwd=str(root / "app"),
+            env=_VARIABLES,
+        )
+        self._arguments: list[str] = self._environment.config.wrapper_args
         self._disk_mb, self._memory_mb = disk_mb, memory_mb
 
     def run(
@@ -77,7 +91,7 @@ class MiniSweSandbox:
             output=OUTPUT,
             half=OUTPUT // 2,
             folder=shlex.quote(self.folder),
-            writable=self._writable,
+            writable=shlex.join(_WRITABLE.values()),
             seconds=seconds,
             words=shlex.join(["env", *pairs, "bash", "-c", command]),
         )
@@ -93,32 +107,6 @@ class MiniSweSandbox:
             why = "" if timed_out else f"The command cannot be run: {failure['exception']}"
             return Output(_printable(answer["output"] + why), 137 if timed_out else 126, spent, timed_out)
         return Output(_printable(answer["output"]), status, spent, status in (124, 137) and spent >= seconds)
-
-
-class BubblewrapSandbox(MiniSweSandbox):
-    """Linux namespaces: no network, no other process, none of the host's variables or files but its programs.
-
-    ``root`` is a folder of the host for what commands write: the working folder, ``/tmp``, the home, ``/logs``.
-    """
-
-    def __init__(self, root: Path, disk_mb: int = 512, memory_mb: int = 4096) -> None:
-        prepare_minisweagent()
-        from minisweagent.environments.extra.bubblewrap import BubblewrapEnvironment
-
-        if (program := shutil.which("bwrap")) is None:
-            raise MissingDependencyError(
-                "the program 'bwrap'", "Running an agent in a sandbox", "apt install bubblewrap (LGPL-2.0)"
-            )
-        for name in _WRITABLE:
-            (root / name).mkdir(parents=True, exist_ok=True)
-        environment = BubblewrapEnvironment(
-            executable=shutil.which("env", path=_PATH) or "env",
-            wrapper_args=["-i", program, *_namespaces(root, disk_mb)],
-            cwd=str(root / "app"),
-            env=_VARIABLES,
-        )
-        super().__init__(environment, _WRITABLE["app"], list(_WRITABLE.values()), disk_mb, memory_mb)
-        self._arguments: list[str] = environment.config.wrapper_args
 
     @contextmanager
     def mounted(self, folder: Path, at: str) -> Iterator[None]:
@@ -148,21 +136,6 @@ def _namespaces(root: Path, disk_mb: int) -> list[str]:
     return words
 
 
-class DockerSandbox(MiniSweSandbox):
-    """A container of the task's image, without a network."""
-
-    @contextmanager
-    def mounted(self, folder: Path, at: str) -> Iterator[None]:
-        """Context manager that shows commands a copy of a host folder; links in it stay links."""
-        container = str(self._environment.container_id)
-        _docker("exec", "-u", "0", container, "rm", "-rf", at)
-        _docker("cp", str(folder), f"{container}:{at}")
-        try:
-            yield
-        finally:
-            _docker("exec", "-u", "0", container, "rm", "-rf", at)
-
-
 @contextmanager
 def bubblewrap(task: AgentTask) -> Iterator[BubblewrapSandbox]:
     """Context manager for a task whose environment is a folder of files, and this machine's programs.
@@ -171,8 +144,8 @@ def bubblewrap(task: AgentTask) -> Iterator[BubblewrapSandbox]:
     """
     if task.files is None:
         raise EnvironmentFailedError(
-            f"{task.name} needs its image (agents.sandbox=docker): its task.toml names no folder of files as "
-            "metadata.files."
+            f"{task.name} needs an image, for which there is no sandbox here: its task.toml names no folder of files "
+            "as metadata.files."
         )
     # Not below /tmp, which commands see as their own.
     with tempfile.TemporaryDirectory(
@@ -184,54 +157,6 @@ def bubblewrap(task: AgentTask) -> Iterator[BubblewrapSandbox]:
         if tried.status != 0:
             raise EnvironmentFailedError(f"bubblewrap cannot run a command here: {tried.text.strip()[-200:]}")
         yield sandbox
-
-
-@contextmanager
-def docker(task: AgentTask) -> Iterator[DockerSandbox]:
-    """Context manager for a container of the task's image, which is built if missing.
-
-    Raises :class:`MissingDependencyError` without Docker and :class:`EnvironmentFailedError` when the engine does not
-    answer or the image cannot be built.
-    """
-    prepare_minisweagent()
-    from minisweagent.environments.docker import DockerEnvironment
-
-    image = f"gvla2-task-{task.name.lower()}"
-    _docker("build", "-q", "-t", image, str(task.environment), seconds=1800)
-    folder = _docker("image", "inspect", "-f", "{{.Config.WorkingDir}}", image).strip() or "/"
-    bounds = ["--rm", "--network", "none", "--memory", f"{task.memory_mb}m", "--pids-limit", "4096"]
-    try:
-        environment = DockerEnvironment(
-            image=image, cwd=folder, run_args=bounds, interpreter=["bash", "-c"], container_timeout="24h"
-        )
-    except (OSError, subprocess.SubprocessError) as error:
-        raise EnvironmentFailedError(f"{task.name}: 'docker run' failed: {error}") from error
-    try:
-        writable = ["/tmp"] if folder == "/" else ["/tmp", folder]
-        yield DockerSandbox(environment, folder, writable, task.disk_mb, task.memory_mb)
-    finally:
-        environment.cleanup()
-
-
-def _docker(*words: str, seconds: float = 120) -> str:
-    """Run ``docker`` and return what it printed; raises :class:`EnvironmentFailedError` when it fails."""
-    try:
-        done = subprocess.run(
-            ["docker", *words],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=seconds,
-            check=True,
-        )
-    except FileNotFoundError as error:
-        install = "Docker (Apache-2.0), or agents.sandbox=bubblewrap"
-        raise MissingDependencyError("the program 'docker'", "agents.sandbox=docker", install) from error
-    except subprocess.SubprocessError as error:
-        said = str(getattr(error, "stderr", None) or error).strip()[-300:]
-        raise EnvironmentFailedError(f"'docker {words[0]}' failed: {said}") from error
-    return done.stdout
 
 
 def prepare_minisweagent() -> None:

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Output, TestedSandbox
+from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Output
+from gvla2.agents.sandbox import BubblewrapSandbox
 from gvla2.memory.asking import verdict_of
 from gvla2.memory.contracts import (
     Evidence,
@@ -47,7 +48,7 @@ class Attempt:
 def attempt(
     task: AgentTask,
     agent: Agent,
-    sandbox: TestedSandbox,
+    sandbox: BubblewrapSandbox,
     memory: Memory,
     verifier: Verifier,
     *,
@@ -77,7 +78,7 @@ def attempt(
     return Attempt(tests.status == 0, run, tests, recalled, verdict, learned, overhead)
 
 
-def run_tests(task: AgentTask, sandbox: TestedSandbox) -> Output:
+def run_tests(task: AgentTask, sandbox: BubblewrapSandbox) -> Output:
     """The outcome of the task's tests; status 0 means solved.
 
     A reward that they write (1 for solved) overrides the script's own status, which is often 0.

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     """Run the bench into ``folder``; returns the share of cells that could be measured.
 
-    It leaves ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``. Raises
+    It leaves ``result.json``, ``index.html``, ``report.md``, ``report.tex``, ``report.csv`` and ``pictures``. Raises
     :class:`ConfigurationError` for a missing data set or component; an object that cannot be measured gives a row with
     a status, not an error.
     """
@@ -73,7 +73,7 @@ def as_overrides(argv: Sequence[str]) -> list[str]:
     """The arguments in Hydra's terms.
 
     A leading word, as in ``gvla2 bench robot``, or ``suite=robot`` chooses the suite: the Hydra group ``bench_suite``.
-    Options under a component's or an arm's name (``planner_options.agent3d.tries=1``,
+    Options under a task's, baseline's or arm's name (``task_options.open_jar.turn=175``,
     ``arms.mine={memory: governed}``) are new to the configuration, for which Hydra needs a ``+``; custom arms are added
     to the listed ``arms``.
     """
@@ -91,7 +91,7 @@ def _counted(span: re.Match[str]) -> str:
 def _plain(override: str, own: list[str]) -> str:
     """A single override; ``layouts=[10..19]`` names each layout from 10 to 19."""
     override = re.sub(r"(?<=[\[,])(\d+)\.\.(\d+)(?=[\],])", _counted, override)
-    if re.match(r"(planner|baseline|task)_options\.", override):
+    if re.match(r"(baseline|task)_options\.", override):
         return f"++{override}"
     if override.startswith("arms."):
         return f"++own_arms.{override.removeprefix('arms.')}"

@@ -43,7 +43,7 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
         raise ConfigurationError(
             f"The recording is from camera '{recording.serial}', but serial={config.serial} was given."
         )
-    solution = solve(recording.pairs, recording.mount)
+    solution = solve(recording)
     turns = np.degrees(solution.turns)
     for number, (shift, turn) in enumerate(zip(solution.shifts, turns, strict=True)):
         print(f"pair {number:<3} {1e3 * shift:8.3f} mm  {turn:8.4f} degrees")
@@ -52,7 +52,7 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
         transform=solution.transform,
         intrinsics=recording.intrinsics,
         serial=recording.serial,
-        n=len(recording.pairs),
+        n=len(solution.shifts),
         rmse=solution.rmse,
         residuals=tuple(float(v) for v in solution.shifts),
         mount=recording.mount,

@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -32,7 +33,7 @@ from gvla2.episode.multi_step import (
 )
 from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
 from gvla2.episode.refine import GeometryComponents, refine_scene
-from gvla2.episode.replan import back_off, came_to_nothing, next_attempt, pooled, worth_another
+from gvla2.episode.replan import back_off, came_to_nothing, next_attempt, worth_another
 from gvla2.errors import (
     Gvla2Error,
     SimulationError,
@@ -40,8 +41,8 @@ from gvla2.errors import (
 )
 from gvla2.geometry.exchange import read_only
 from gvla2.geometry.views import Observation
-from gvla2.memory.asking import context_of, learned_of, verdict_of
-from gvla2.memory.contracts import Memory, Verifier
+from gvla2.memory.asking import answer_of, verdict_of
+from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verifier
 from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
@@ -342,7 +343,12 @@ def _reconstruct(record: EpisodeRecord, components: Components) -> EpisodeRecord
 
 
 def _recall(record: EpisodeRecord, components: Components) -> EpisodeRecord:
-    context = context_of(components.memory, memory_task(record), components.named("memory"))
+    task, who = memory_task(record), components.named("memory")
+
+    def degraded(why: str) -> MemoryContext:
+        return MemoryContext(degraded=why)
+
+    context = answer_of(lambda: components.memory.recall(task), MemoryContext, degraded, who)
     notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
     context, skipped = with_sound_effects(context)
     return replace(record, recalled=context, notes=record.notes + notes + skipped)
@@ -410,8 +416,14 @@ def _verify(record: EpisodeRecord, components: Components) -> EpisodeRecord:
 def _learn(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     """Report every attempt and every part to memory, each with its own verdict."""
     who = components.named("memory")
-    stories = stories_of(record, components.skills)
-    learned = pooled([learned_of(components.memory, episode, verdict, who) for episode, verdict in stories])
+
+    def degraded(why: str) -> Learned:
+        return Learned(degraded=why)
+
+    learned = Learned.combined(
+        answer_of(partial(components.memory.learn, episode, verdict), Learned, degraded, who)
+        for episode, verdict in stories_of(record, components.skills)
+    )
     notes = (f"Nothing was learned: {learned.degraded}",) if learned.degraded else ()
     return replace(record, learned=learned, notes=record.notes + notes)
 

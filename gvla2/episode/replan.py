@@ -10,7 +10,6 @@ import numpy as np
 
 from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.transform import FloatArray
-from gvla2.memory.contracts import Learned
 from gvla2.planning.scene import Scene
 from gvla2.planning.skill import Skill
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
@@ -96,18 +95,6 @@ def _way_home(robot: RobotBackend, here: FloatArray, scene: Scene) -> Trajectory
             Waypoint(_tuple(up), 1.0, "back off", motion="linear", speed=0.1, allowed_contacts=near),
             Waypoint(_tuple(home[:3, 3]), 1.0, "home", turned, tolerance=0.02),
         )
-    )
-
-
-def pooled(parts: list[Learned]) -> Learned:
-    """The lessons that memory took from all attempts, combined."""
-    return Learned(
-        added=tuple(i for p in parts for i in p.added),
-        merged=tuple(i for p in parts for i in p.merged),
-        provisional=tuple(i for p in parts for i in p.provisional),
-        discarded=sum(p.discarded for p in parts),
-        notes=tuple(n for p in parts for n in p.notes),
-        degraded=" ".join(dict.fromkeys(p.degraded for p in parts if p.degraded)),
     )
 
 

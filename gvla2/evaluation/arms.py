@@ -1,15 +1,13 @@
 """The arms of an ablation over memory: plain names or variants with options of their own, and the controls.
 
-``off`` has no memory, ``shuffled`` recalls for another task, ``best_theta`` searches parameters without a bank; any
-other arm is a memory by its name. All arms of a planner learn from the same explored episodes, and are frozen before
-the test.
+``off`` has no memory and ``shuffled`` recalls for another task; any other arm is a memory by its name. All arms learn
+from the same explored episodes, and are frozen before the test.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from statistics import fmean
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
 from types import MappingProxyType
 from typing import Any
 
@@ -25,33 +23,29 @@ from gvla2.memory.contracts import (
     Memory,
     MemoryContext,
     MemoryEpisode,
-    MemoryItem,
     MemoryTask,
     Verdict,
 )
-from gvla2.planning.effects import Prior, effect_from_json
 from gvla2.planning.skill import Skill
 from gvla2.plugins.registry import Registry
 from gvla2.skills.table import STANDARD
 
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
-CONTROLS = ("off", "shuffled", "best_theta")
-"""Arms without a memory of their own: none, another task's, and a search for theta without a bank."""
-WITHOUT_BANK = ("off", "none", "best_theta")
-"""Sources of arms that are not memories with a bank."""
+CONTROLS = ("off", "shuffled")
+"""Arms without a memory of their own: none, and another task's."""
+WITHOUT_MEMORY = ("off", "none")
+"""Sources of arms without any memory."""
 MEMORY_OF = MappingProxyType({"on": "governed", "shuffled": "governed"})
 """Arms whose memory has a different name."""
 FROZEN = Learned(notes=("The memory is frozen: this is a test.",))
-CERTAIN = 1_000_000
-"""Successes claimed for the best theta, so that the default has no weight left."""
 
 
 @dataclass(frozen=True)
 class BenchArm:
     """One arm: its ``name``, source and configuration.
 
-    ``source`` is ``off``, ``best_theta``, ``shuffled`` or the name of a memory; ``options`` are the memory's;
-    ``replan`` further attempts are allowed in an episode, None for the bench's number.
+    ``source`` is ``off``, ``shuffled`` or the name of a memory; ``options`` are the memory's; ``replan`` further
+    attempts are allowed in an episode, None for the bench's number.
     """
 
     name: str
@@ -67,7 +61,7 @@ class BenchArm:
     @property
     def learns(self) -> bool:
         """Whether it learns from exploration."""
-        return self.source not in ("off", "none")
+        return self.source not in WITHOUT_MEMORY
 
     @property
     def variant(self) -> str:
@@ -104,7 +98,7 @@ def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
                 f"No arm '{arm.source}'. Available: {available}; or a variant of one of them with a name of its own: "
                 f"arms.NAME={{memory: governed, admission: false}}."
             )
-        known = [] if arm.source in WITHOUT_BANK else options_of(registry, "memory", arm.memory)
+        known = [] if not arm.learns else options_of(registry, "memory", arm.memory)
         own = {*known, "replan"} - {"url"}
         given_options(f"arms.{arm.name}", arm.options, f"'{arm.source}'", own)
     return arms
@@ -112,7 +106,7 @@ def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
 
 def has_bank(registry: Registry, arm: BenchArm) -> bool:
     """Whether the arm's memory keeps its bank in a configurable file."""
-    return arm.source not in WITHOUT_BANK and "url" in options_of(registry, "memory", arm.memory)
+    return arm.learns and "url" in options_of(registry, "memory", arm.memory)
 
 
 def chosen_memory(config: MemoryArms, registry: Registry, arm: BenchArm, bank: str) -> dict[str, Any]:
@@ -189,48 +183,3 @@ class Shuffled(Frozen):
         if self._asked is None:
             return MemoryContext((), "", "no other task left experience")
         return super().recall(self._asked)
-
-
-class BestTheta:
-    """No bank: the mean theta of a task's explorations that the robot verified as successes.
-
-    The control for "a search over parameters would have done": the same episodes and the parameters that their lessons
-    name, but no retrieval and no governance. Without a success it keeps the defaults.
-    """
-
-    def __init__(self, experiences: Sequence[Experience]) -> None:
-        tried: dict[tuple[str, str], list[Prior]] = {}
-        for one in experiences:
-            for lesson in one.episode.lessons if one.verdict.outcome == "verified_success" else ():
-                effect = effect_from_json(lesson.effect) if lesson.effect else None
-                if isinstance(effect, Prior):
-                    tried.setdefault((effect.skill, effect.parameter), []).append(effect)
-        self._items = tuple(_best_of(some) for some in tried.values())
-
-    def recall(self, task: MemoryTask) -> MemoryContext:
-        """One hint per parameter."""
-        text = "\n".join(item.content for item in self._items)
-        return MemoryContext(self._items, text, "" if self._items else "no exploration succeeded")
-
-    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
-        """Nothing."""
-        return FROZEN
-
-    def close(self) -> None:
-        """Nothing is open."""
-
-
-def _best_of(tried: Sequence[Prior]) -> MemoryItem:
-    """The hint of the mean of what succeeded, so sure that the default has no weight left."""
-    best = replace(tried[0], value=fmean(one.value for one in tried), sd=0.0, count=CERTAIN)
-    name = best.parameter.replace("_", " ")
-    return MemoryItem(
-        id=f"best-{best.skill}-{best.parameter}",
-        type="procedural_hint",
-        content=f"To {best.skill}, the best {name} is {best.value:.4g}.",
-        confidence=1.0,
-        score=1.0,
-        terms={},
-        binding=False,
-        effect=best.to_json(),
-    )

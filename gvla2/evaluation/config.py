@@ -89,14 +89,14 @@ class BranchBench(BenchConfig):
 class ReconstructionBench(BranchBench):
     """Every baseline x drift x noise x variant x seed on every object.
 
-    ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``noise`` is the
+    ``baseline_options`` configures reconstructors by name (``baseline_options.hull.resolution=64``); ``noise`` is the
     depth prior's error, by name; ``lpips_weights`` is a weight file of your own; ``surface_samples`` points of a
     surface make its Chamfer distance (the protocol's 100,000).
     """
 
     suite: str = "reconstruction"
     data: DataConfig = field(default_factory=DataConfig)
-    baselines: list[str] = field(default_factory=lambda: ["hull", "splat"])
+    baselines: list[str] = field(default_factory=lambda: ["hull"])
     baseline_options: dict[str, Any] = field(default_factory=dict)
     drifts: list[str] = field(default_factory=lambda: ["none", "planted"])
     variants: list[str] = field(default_factory=list)
@@ -143,7 +143,7 @@ class SimulatedBench(BenchConfig):
 class MemoryArms(BenchConfig):
     """Arms that differ in their memory, with the components that memories use.
 
-    ``arms`` are ``off``, ``on``, ``shuffled``, ``best_theta``, or the name of any memory. An arm may also be a variant
+    ``arms`` are ``off``, ``on``, ``shuffled``, or the name of any memory. An arm may also be a variant
     with a name of its own and options (``arms.mine={memory: governed, admission: false}``, ``arms.retry={memory: off,
     replan: 1}``), and a plain one can have options by its name (``arms.on.admission=false``).
     """
@@ -175,28 +175,22 @@ class MemoryArms(BenchConfig):
 
 @dataclass
 class RobotBench(MemoryArms, SimulatedBench, BranchBench):
-    """Every task x planner x arm x layout, judged by both profiles.
+    """Every task x arm x layout, judged by both profiles.
 
-    ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn; ``planners``
-    compares some by name (by default the one of ``planner``), with ``planner_options`` by theirs
-    (``planner_options.code_policies.samples=3``). ``arms`` are by default ``off`` alone where ``planners`` are named,
-    else ``off``, ``on``, ``shuffled``, ``semantic`` and ``best_theta``. In the ``world`` learnable the objects of every
-    task belong to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a
-    different world. Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves.
+    ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn. ``arms`` are by
+    default ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of every task belong
+    to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a different world.
+    Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves.
 
-    Experience comes from ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its
-    plans by ``exploration`` (a relative spread, or a model's temperature), and is frozen before the test; it may try
-    again ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of the test
-    and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one. With
-    ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
-    model was unavailable: it counts for no arm, and the next bench measures it again. The reconstruction branch runs
-    where a ``reconstructor`` is chosen.
+    Experience comes from ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
+    spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
+    an episode. ``replan`` further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where
+    the planner fails, ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose
+    planner takes longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the
+    next bench measures it again. The reconstruction branch runs where a ``reconstructor`` is chosen.
     """
 
     suite: str = "robot"
-    planners: list[str] = field(default_factory=list)
-    planner_options: dict[str, Any] = field(default_factory=dict)
-    teacher: str = ""
     world: str = "plain"
     families: int = 2
     layouts: list[int] = field(default_factory=list)
@@ -224,38 +218,28 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
 
     @property
     def usual_arms(self) -> list[str]:
-        """Memory off where planners are compared; otherwise on, off, and the controls."""
-        return ["off"] if self.planners else ["off", "on", "shuffled", "semantic", "best_theta"]
+        """Off, on, and the controls."""
+        return ["off", "on", "shuffled", "semantic"]
 
 
 @dataclass
 class PerceptionBench(SimulatedBench):
-    """Every task x perceiver of ``perceivers`` x layout; ``tasks`` are all that need no option by default."""
+    """Every task x layout; ``tasks`` are all that need no option by default."""
 
     suite: str = "perception"
-    perceivers: list[str] = field(default_factory=lambda: ["classical"])
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require((bool(self.perceivers), "perceivers must name at least one."))
 
 
 @dataclass
 class AgentTasksConfig:
     """``tasks`` is a folder of tasks in Terminal-Bench's layout; ``names`` chooses some of them.
 
-    ``sandbox`` is bubblewrap or docker. ``state`` is where memories are stored between the tasks (by default in the
-    output folder: give one to resume an interrupted bench).
+    ``state`` is where memories are stored between the tasks (by default in the output folder: give one to resume an
+    interrupted bench).
     """
 
     tasks: str = ""
     names: list[str] = field(default_factory=list)
-    sandbox: str = "bubblewrap"
     state: str = ""
-
-    def __post_init__(self) -> None:
-        known = self.sandbox in ("bubblewrap", "docker")
-        _require((known, f"agents.sandbox is '{self.sandbox}'; it is bubblewrap or docker."))
 
 
 @dataclass

@@ -101,7 +101,6 @@ class Usage:
 
     prompt_tokens: int = 0
     completion_tokens: int = 0
-    reasoning_tokens: int = 0
     metered: bool = False
 
 

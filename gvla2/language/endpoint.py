@@ -29,15 +29,15 @@ from gvla2.language.contracts import (
     Server,
 )
 from gvla2.language.options import AskingOptions, EndpointOptions
-from gvla2.language.wire import read_completion, refusable, request_body
+from gvla2.language.wire import read_completion, request_body
 
 if TYPE_CHECKING:
     import openai
 
 T = TypeVar("T")
 _log = logging.getLogger(__name__)
-_UNKNOWN, _BROKEN = (400, 422), 500
-"""Statuses of servers that do not know an option, or whose template fails on a system role."""
+_UNKNOWN = (400, 422)
+"""Statuses of servers that do not know an option."""
 _BUSY = (408, 409, 429)
 """Transient refusals, like every 5xx; the package retries them."""
 _ADVICE = {
@@ -46,10 +46,6 @@ _ADVICE = {
     404: "Check base_url (it usually ends in /v1) and model.",
     413: "The request is too long for the server: shorten what is asked about.",
 }
-
-
-class _UnreachableError(ModelUnavailableError):
-    """No connection, or one that broke off."""
 
 
 class Endpoint:
@@ -96,29 +92,23 @@ class Endpoint:
 
     async def _ask_all(self, requests: Sequence[Request]) -> list[Completion | LanguageModelError]:
         if not self._model:
-            async with self._client(self._server.address()) as client:
+            async with self._client() as client:
                 self._model = await self._only_model(client)
         keys = [self._key_of(request) for request in requests]
-        answers = [self._kept(key) for key in keys]
+        answers: list[Completion | LanguageModelError | None] = [self._kept(key) for key in keys]
         fresh = [i for i, answer in enumerate(answers) if answer is None]
-        if not fresh:
-            return [answer for answer in answers if answer is not None]
-        new: dict[int, Completion | LanguageModelError] = {}
-        address = ""
-        for _ in range(2):  # again, if a server of ours that had just stopped is at another address now
-            left = [i for i in fresh if i not in new or isinstance(new[i], _UnreachableError)]
-            if not left or (now := self._server.address()) == address:
-                break
-            address = now
-            async with self._client(address) as client:
-                asked = await asyncio.gather(*(self._in_turn(client, requests[i], keys[i]) for i in left))
-            new |= dict(zip(left, asked, strict=True))
-        return [answer if answer is not None else new[i] for i, answer in enumerate(answers)]
+        if fresh:
+            async with self._client() as client:
+                asked = await asyncio.gather(*(self._in_turn(client, requests[i], keys[i]) for i in fresh))
+            for i, answer in zip(fresh, asked, strict=True):
+                answers[i] = answer
+        return [answer for answer in answers if answer is not None]
 
-    def _client(self, address: str) -> openai.AsyncOpenAI:
-        """A client to be used as an async context."""
+    def _client(self) -> openai.AsyncOpenAI:
+        """A client to be used as an async context; the server starts now if it is ours."""
         import openai
 
+        address = self._server.address()
         # The package insists on a key; servers without keys take any word. Its time-outs are for each read: a server
         # that drips bytes would never meet them, so _sent() keeps the deadline. No proxy stands before this machine.
         here = urlsplit(address).hostname in ("127.0.0.1", "::1", "localhost")
@@ -133,16 +123,13 @@ class Endpoint:
     async def _only_model(self, client: openai.AsyncOpenAI) -> str:
         """The model that the server lists; raises :class:`ModelRefusedError` unless it lists exactly one."""
         listed = (await self._sent(client, client.models.with_raw_response.list)).get("data")
-        names = (
-            [m["id"] for m in listed if isinstance(m, dict) and "id" in m] if isinstance(listed, list) else []
-        )
+        names = [str(m["id"]) for m in listed or () if isinstance(m, dict) and "id" in m]
         if len(names) != 1:
-            some = ", ".join(map(str, names[:8])) or "none"
-            message = (
-                f"{client.base_url} lists {len(names)} models ({some}): choose one with the option model."
+            some = f"{len(names)} models ({', '.join(names[:8]) or 'none'})"
+            raise ModelRefusedError(
+                f"{client.base_url} lists {some}: choose one with the option model.", status=200
             )
-            raise ModelRefusedError(message, status=200)
-        return str(names[0])
+        return names[0]
 
     async def _in_turn(
         self, client: openai.AsyncOpenAI, request: Request, key: str
@@ -163,31 +150,34 @@ class Endpoint:
         return replace(answer, latency=time.monotonic() - began)
 
     async def _ask(self, client: openai.AsyncOpenAI, request: Request) -> dict[str, Any]:
-        """The answer's JSON. Options are left out one after another while the server refuses, and from then on."""
+        """The answer's JSON. A schema or log-probabilities that the server refuses are left out from then on."""
         create = client.chat.completions.with_raw_response.create
-        known = self._without
-        options = [name for name in refusable(request, grammars=self._server.grammars) if name not in known]
-        first: ModelRefusedError | ModelUnavailableError | None = None
-        for less in ([], *([name] for name in options), *([options] if len(options) > 1 else [])):
-            if first is not None and first.status == _BROKEN and less != ["system_role"]:
-                continue
-            without = known.union(less)
-            body = request_body(request, self._options, without, grammars=self._server.grammars)
+        grammars = self._server.grammars
+        optional = {
+            "logprobs": request.logprobs,
+            "schema": request.schema is not None and not (grammars and request.grammar),
+        }
+        asked = frozenset(name for name, there in optional.items() if there) - self._without
+
+        async def sent(without: frozenset[str]) -> dict[str, Any]:
+            body = request_body(request, self._options, without, grammars=grammars)
             # The package sends extra_body as it is, and checks nothing in it.
             everything = {**body, **self._options.extra}
+            return await self._sent(
+                client, create, model=self._model, messages=body["messages"], extra_body=everything
+            )
+
+        try:
+            return await sent(self._without)
+        except ModelRefusedError as error:
+            if error.status not in _UNKNOWN or not asked:
+                raise
             try:
-                document = await self._sent(
-                    client, create, model=self._model, messages=body["messages"], extra_body=everything
-                )
-            except (ModelRefusedError, ModelUnavailableError) as error:
-                if error.status not in (*_UNKNOWN, _BROKEN):
-                    raise
-                first = first or error
-                continue
-            self._without |= without
-            return document
-        assert first is not None
-        raise first
+                document = await sent(self._without | asked)
+            except ModelRefusedError:
+                raise error from None
+        self._without |= asked
+        return document
 
     async def _sent(self, client: openai.AsyncOpenAI, send: Any, **asked: Any) -> dict[str, Any]:
         """The JSON that answers a request. What the server says, in an answer or an error, never holds the key.
@@ -208,7 +198,7 @@ class Endpoint:
         except openai.APIConnectionError as error:
             cause = error.__cause__ or error
             message = f"{where} cannot be reached or broke off ({type(cause).__name__}: {cause})."
-            raise _UnreachableError(f"{message} Is a server running there?") from error
+            raise ModelUnavailableError(f"{message} Is a server running there?") from error
         try:
             answer = json.loads(self._redacted(received.decode(errors="replace")))
         except (ValueError, RecursionError) as error:
@@ -269,8 +259,7 @@ class AnswerCache:
     """
 
     def __init__(self, folder: str) -> None:
-        self._folder = str(Path(folder).expanduser())
-        self._usable = True
+        self._folder: str | None = str(Path(folder).expanduser())
 
     def get(self, key: str) -> dict[str, Any] | None:
         """The document under the key; None if it is missing or damaged."""
@@ -288,13 +277,13 @@ class AnswerCache:
     def _use(self, work: Callable[[Any], Any]) -> Any:
         import diskcache
 
-        if not self._usable:
+        if self._folder is None:
             return None
         try:
             # Opened for each use, as threads come and go; syncing to disk would cost 20 ms at each close.
             with diskcache.Cache(self._folder, sqlite_synchronous=0) as cache:
                 return work(cache)
         except (OSError, sqlite3.Error, diskcache.Timeout) as error:
-            self._usable = False
             _log.warning("Answers of language models are not cached in %s: %s", self._folder, error)
+            self._folder = None
             return None

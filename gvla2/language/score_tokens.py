@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from string import ascii_uppercase
 from typing import Literal
 
-from gvla2.language.contracts import Completion, Token
+from gvla2.language.contracts import Token
 
 LETTERS = ascii_uppercase[:20]
 ENOUGH_MASS = 0.5
@@ -92,15 +92,3 @@ def _letter(alternative: str, before: str) -> str:
     if not rest[:1].isascii() or not letter or letter not in LETTERS:
         return ""
     return letter if after.startswith(_CLOSING) or _CLOSING.startswith(after) else ""
-
-
-def usage_of(answers: Sequence[Completion]) -> dict[str, int]:
-    """What answers cost, by name: cached ones are counted as such, without their tokens."""
-    paid = [answer for answer in answers if not answer.cached]
-    return {
-        "prompt_tokens": sum(answer.usage.prompt_tokens for answer in paid),
-        "completion_tokens": sum(answer.usage.completion_tokens for answer in paid),
-        "calls": len(paid),
-        "cached": len(answers) - len(paid),
-        "unmetered": sum(not answer.usage.metered for answer in paid),
-    }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
@@ -32,7 +32,7 @@ _OPENING = re.compile(r"[{\[]")
 
 @dataclass(frozen=True)
 class Answered(Generic[T]):
-    """A parsed answer, the ``votes`` of ``samples`` that agreed on it, and the whole conversation.
+    """A parsed answer and the whole conversation.
 
     ``transcript`` is plain JSON, one mapping per call, ready for a plan's record: ``prompt`` (the messages that the
     call added), ``answer``, ``rejected`` (why, "" if it was not), ``prompt_tokens``, ``completion_tokens``,
@@ -41,8 +41,6 @@ class Answered(Generic[T]):
 
     answer: T
     transcript: tuple[Mapping[str, Any], ...]
-    votes: int = 1
-    samples: int = 1
 
 
 def ask_typed(
@@ -54,8 +52,6 @@ def ask_typed(
     schema: Mapping[str, Any] | None = None,
     grammar: str | None = None,
     tries: int = 3,
-    samples: int = 1,
-    same: Callable[[T], Hashable] = repr,
     seed: int = 0,
     temperature: float | None = None,
     max_tokens: int | None = None,
@@ -63,82 +59,76 @@ def ask_typed(
     """Ask until ``parse`` accepts the answer; it raises :class:`ValueError` with a sentence on what is wrong.
 
     The rejected answer and the sentence go back to the model, with another seed and at least the temperature
-    :data:`WARM`. Of ``samples`` answers per try (the first at ``temperature``, the others warm) the majority wins,
-    compared by ``same``; the first one breaks a tie. A truncated answer is always rejected.
+    :data:`WARM`. A truncated answer is always rejected.
 
     Raises :class:`UnusableAnswerError` after ``tries``, even if the last one was damaged;
     :class:`ModelUnavailableError` if the server broke off in the last; and any other :class:`LanguageModelError` at
     once; all with ``transcript``.
     """
-    if tries < 1 or samples < 1:
-        raise ValueError(f"tries is {tries} and samples {samples}; both must be at least 1.")
-    question = Request(messages, max_tokens=max_tokens, schema=schema, grammar=grammar)
-    warm, added = max(temperature or 0.0, WARM), tuple(messages)
-    transcript: list[Mapping[str, Any]] = []
+    if tries < 1:
+        raise ValueError(f"tries is {tries}; it must be at least 1.")
+    question = Request(messages, seed=seed, temperature=temperature, max_tokens=max_tokens)
+    question = replace(question, schema=schema, grammar=grammar)
+    added, transcript = tuple(messages), list[Mapping[str, Any]]()
     why = ""
-    for number in range(0, tries * samples, samples):
-        requests = [
-            replace(question, seed=seed + number + i, temperature=warm if number + i else temperature)
-            for i in range(samples)
-        ]
-        answers = [_Tried(parse, each) for each in model.complete_all(requests, purpose=purpose)]
-        transcript += [tried.entry(added, asked) for tried, asked in zip(answers, requests, strict=True)]
-        if taken := [tried for tried in answers if not tried.why]:
-            kinds = [same(tried.parsed[0]) for tried in taken]
-            winner = max(range(len(kinds)), key=lambda i: (kinds.count(kinds[i]), -i))
-            return Answered(taken[winner].parsed[0], tuple(transcript), kinds.count(kinds[winner]), samples)
-        why = answers[0].why
-        lost = [tried.failure for tried in answers if tried.failure is not None]
-        if len(lost) == samples and not all(map(_may_pass, lost)):
-            raise _with(transcript, lost[0])
-        added = next((tried.correction() for tried in answers if tried.said.strip()), ())
-        question = replace(question, messages=(*question.messages, *added))
-    if len(lost) == samples and isinstance(lost[0], ModelUnavailableError):
-        raise _with(transcript, lost[0])
+    failure: LanguageModelError | None = None
+    for _ in range(tries):
+        said, parsed, failure = Completion(""), list[T](), None
+        try:
+            said = model.complete(question, purpose=purpose)
+            parsed = [_parsed(parse, said)]
+        except LanguageModelError as error:
+            failure, why = error, str(error)
+        except ValueError as error:
+            why = str(error) or type(error).__name__
+        transcript.append(_entry(added, question, said, "" if parsed else why))
+        if parsed:
+            return Answered(parsed[0], tuple(transcript))
+        if failure is not None and not _may_pass(failure):
+            raise _with(transcript, failure)
+        added = _correction(said.text, why) if said.text.strip() else ()
+        question = replace(
+            question,
+            messages=(*question.messages, *added),
+            seed=(question.seed or 0) + 1,
+            temperature=max(temperature or 0.0, WARM),
+        )
+    if isinstance(failure, ModelUnavailableError):
+        raise _with(transcript, failure)
     raise _with(transcript, UnusableAnswerError(f"No usable answer in {tries} tries; the last time: {why}"))
 
 
-class _Tried(Generic[T]):
-    """One answer: ``parsed``, or ``why`` it could not be."""
+def _parsed(parse: Callable[[str], T], said: Completion) -> T:
+    if said.finish == "length":
+        raise ValueError("It was cut off: answer more briefly.")
+    if not said.text.strip():
+        raise ValueError("It was empty.")
+    try:
+        return parse(said.text)
+    except RecursionError:
+        raise ValueError("It is nested too deeply.") from None
 
-    def __init__(self, parse: Callable[[str], T], answer: Completion | LanguageModelError) -> None:
-        self.completion = answer if isinstance(answer, Completion) else Completion("")
-        self.failure = answer if isinstance(answer, LanguageModelError) else None
-        self.said, self.parsed, self.why = self.completion.text, list[T](), ""
-        try:
-            if self.failure is not None:
-                self.why = str(self.failure)
-            elif self.completion.finish == "length":
-                self.why = "It was cut off: answer more briefly."
-            elif not self.said.strip():
-                self.why = "It was empty."
-            else:
-                self.parsed = [parse(self.said)]
-        except RecursionError:
-            self.why = "It is nested too deeply."
-        except ValueError as error:
-            self.why = str(error) or type(error).__name__
 
-    def entry(self, added: Sequence[Message], asked: Request) -> dict[str, Any]:
-        """The entry of the transcript for this call."""
-        usage = self.completion.usage
-        return {
-            "prompt": [{**message, "content": _shown(message.get("content"))} for message in added],
-            "answer": self.said,
-            "rejected": self.why,
-            "prompt_tokens": usage.prompt_tokens,
-            "completion_tokens": usage.completion_tokens,
-            "seconds": round(self.completion.latency, 3),
-            "cached": self.completion.cached,
-            "seed": asked.seed,
-            "temperature": asked.temperature,
-        }
+def _entry(added: Sequence[Message], asked: Request, said: Completion, why: str) -> dict[str, Any]:
+    """The entry of the transcript for one call."""
+    return {
+        "prompt": [{**message, "content": _shown(message.get("content"))} for message in added],
+        "answer": said.text,
+        "rejected": why,
+        "prompt_tokens": said.usage.prompt_tokens,
+        "completion_tokens": said.usage.completion_tokens,
+        "seconds": round(said.latency, 3),
+        "cached": said.cached,
+        "seed": asked.seed,
+        "temperature": asked.temperature,
+    }
 
-    def correction(self) -> tuple[Message, ...]:
-        """The message that asks for a correction."""
-        said = self.said if len(self.said) <= LONGEST_SHOWN else f"{self.said[:LONGEST_SHOWN]} ..."
-        words = f"That answer cannot be used. {self.why}\nAnswer the question again, in the form that was asked for."
-        return {"role": "assistant", "content": said}, {"role": "user", "content": words}
+
+def _correction(said: str, why: str) -> tuple[Message, ...]:
+    """The messages that ask for a correction."""
+    shown = said if len(said) <= LONGEST_SHOWN else f"{said[:LONGEST_SHOWN]} ..."
+    words = f"That answer cannot be used. {why}\nAnswer the question again, in the form that was asked for."
+    return {"role": "assistant", "content": shown}, {"role": "user", "content": words}
 
 
 def _may_pass(failure: LanguageModelError) -> bool:

@@ -3,65 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from gvla2.language.contracts import (
     Completion,
     MalformedAnswerError,
-    Message,
     Request,
     Token,
     Usage,
 )
 from gvla2.language.options import AskingOptions
 
-TOP_LOGPROBS, FEW_LOGPROBS = 20, 5
-"""The most alternatives per token that the API allows, and the limit of some servers."""
+TOP_LOGPROBS = 20
+"""The most alternatives per token that the API allows."""
 
 
 def request_body(
     request: Request, options: AskingOptions, without: frozenset[str], *, grammars: bool
 ) -> dict[str, Any]:
     """The request's JSON but for the model, ``without`` the options that the server refused."""
-    messages = request.messages if "system_role" not in without else without_system(request.messages)
-    body: dict[str, Any] = {"messages": _sendable(messages), "seed": request.seed}
+    body: dict[str, Any] = {"messages": _sendable(request.messages), "seed": request.seed}
     for name in ("temperature", "max_tokens"):
         own, default = getattr(request, name), getattr(options, name)
         body[name] = own if own is not None and default is not None else default
     if request.logprobs and "logprobs" not in without:
-        few = "alternatives" in without
-        body |= {"logprobs": True, "top_logprobs": FEW_LOGPROBS if few else TOP_LOGPROBS}
+        body |= {"logprobs": True, "top_logprobs": TOP_LOGPROBS}
     if request.grammar is not None and grammars:
         body["grammar"] = request.grammar
     elif request.schema is not None and "schema" not in without:
         form = {"name": "answer", "schema": dict(request.schema), "strict": True}
         body["response_format"] = {"type": "json_schema", "json_schema": form}
     return {name: value for name, value in body.items() if value is not None}
-
-
-def refusable(request: Request, *, grammars: bool) -> list[str]:
-    """Options that a server may refuse, likeliest first; "alternatives" means more than a few per token."""
-    asked = {
-        "schema": request.schema is not None and not (grammars and request.grammar),
-        "alternatives": request.logprobs,
-        "logprobs": request.logprobs,
-        "system_role": any(m.get("role") == "system" for m in request.messages),
-    }
-    return [name for name, there in asked.items() if there]
-
-
-def without_system(messages: Sequence[Message]) -> list[dict[str, Any]]:
-    """The same words for a model that knows no system role: they open the first of the user's messages."""
-    orders = "\n\n".join(str(m["content"]) for m in messages if m.get("role") == "system")
-    rest = [dict(m) for m in messages if m.get("role") != "system"]
-    first = next((m for m in rest if m.get("role") == "user"), None)
-    if first is None:
-        return [{"role": "user", "content": orders}, *rest]
-    said = first["content"]
-    text = isinstance(said, str)
-    first["content"] = f"{orders}\n\n{said}" if text else [{"type": "text", "text": orders}, *said]
-    return rest
 
 
 def _sendable(value: Any) -> Any:
@@ -153,9 +126,7 @@ def _alternative(entry: Mapping[str, Any]) -> tuple[str, float]:
 
 def _usage(counts: Any) -> Usage:
     counts = counts if isinstance(counts, Mapping) else {}
-    details = counts.get("completion_tokens_details")
-    thinking = details.get("reasoning_tokens") if isinstance(details, Mapping) else None
-    numbers = (counts.get("prompt_tokens"), counts.get("completion_tokens"), thinking or 0)
+    numbers = (counts.get("prompt_tokens"), counts.get("completion_tokens"))
     if not all(type(number) is int and number >= 0 for number in numbers):
         return Usage()
     return Usage(*numbers, metered=True)

@@ -1,16 +1,15 @@
 """What may enter a bank and in which state at best, and how a lesson becomes a record that later episodes extend.
 
-Decisions on plain data. Trust follows from the origin of a text, never from what it says about itself: each event that
-brings evidence for a record stores an :class:`Origin` in the hash chain.
+Decisions on plain data. Trust follows from the origin of a text, never from what it says about itself: a verified
+episode of ours makes a text ours, and nothing else does.
 """
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,83 +34,13 @@ FAILED, SUCCEEDED = 0.35, 0.70
 MAX_SOURCES = 32
 LARGEST = 1e9
 """Upper limit of an effect's numbers, in any unit."""
-LEVELS: tuple[Trust, ...] = get_args(Trust)
-"""From the least trusted to the most."""
-CONFIRMING = 2
-"""Number of independent sources whose verified episodes make a foreign text believed."""
-_SCHEME = re.compile(r"^[a-z][a-z0-9+.-]*://")
-_MEMBER = re.compile(r"[/:#@?]")
-
-
-# Trust by origin ----------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Origin:
-    """The origin of one piece of evidence: ``own`` for a verified episode of ours, and the ``source`` it names."""
-
-    own: bool
-    source: str
-
-    def __str__(self) -> str:
-        """As an event stores it."""
-        return f"{'own' if self.own else 'foreign'}:{self.source}"
-
-    @classmethod
-    def read(cls, text: str) -> Origin | None:
-        """The origin that an event stores, None for an event that brings no evidence."""
-        kind, colon, source = text.partition(":")
-        return cls(kind == "own", source) if colon and kind in ("own", "foreign") else None
-
-    @property
-    def witness(self) -> str:
-        """The witness: equal for all names that one source uses ("lab/1", "lab/2", "lab#3").
-
-        For an address it is the host; all unnamed sources are one witness.
-        """
-        name = _SCHEME.sub("", " ".join(self.source.casefold().split()))
-        return _MEMBER.split(name, maxsplit=1)[0]
-
-
-def trust_of(origins: Iterable[Origin]) -> Trust:
-    """The trust of a text with these verified origins.
-
-    One verified episode of ours makes a text ours. Foreign sources are counted once each, only by their names: ten
-    episodes of one are one.
-    """
-    known = list(origins)
-    if any(origin.own for origin in known):
-        return "own"
-    return "confirmed" if len({origin.witness for origin in known}) >= CONFIRMING else "foreign"
-
-
-def adds(origins: Iterable[Origin], origin: Origin) -> bool:
-    """Whether one more origin adds evidence: ours needs no confirmation from outside, and an outside witness counts
-    once, whatever episodes it names.
-    """
-    if origin.own:
-        return True
-    return all(not other.own and other.witness != origin.witness for other in origins)
-
-
-def least(trusts: Iterable[Trust]) -> Trust:
-    """The trust of a text made from several (a summary, a lesson induced with them in view)."""
-    return min(trusts, key=LEVELS.index, default="own")
-
-
-def believed(trust: Trust) -> bool:
-    """Whether a verified text of this trust may be active and shown to a planner."""
-    return trust != "foreign"
-
-
-# Admission ----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Weighed:
     """A weighed lesson: its ``state`` in the bank at best, or None when it is not stored; ``note`` says why.
 
-    ``trust`` is that of its one origin. Its dedup ``key`` and unit ``vector`` (D,) are added on storing.
+    ``trust`` is that of its origin. Its dedup ``key`` and unit ``vector`` (D,) are added on storing.
     """
 
     lesson: Lesson
@@ -127,17 +56,15 @@ def weigh(
     verdict: Verdict,
     options: BankOptions | None = None,
     *,
-    origin: Origin | None = None,
-    trust: Trust | None = None,
+    trust: Trust = "own",
     ungrounded: str = "",
 ) -> Weighed:
     """Decide on one lesson.
 
-    Verified lessons may become active; uncertain or unjudged ones are provisional. A failed episode teaches
-    constraints, never recipes. ``origin`` is its source (None: an episode of ours); ``trust`` is given instead for a
-    record that is judged again. A lesson that is not believed stays provisional whatever its verdict, and so does a
-    model's lesson without evidence (``ungrounded`` says why). ``options.admission`` False is the ablation that admits
-    all lessons of ours; ``options.failures`` False learns nothing from failures.
+    Verified lessons of ours may become active; foreign, uncertain and unjudged ones are provisional, and so is a
+    model's lesson without evidence (``ungrounded`` says why). A failed episode teaches constraints, never recipes.
+    ``options.admission`` False is the ablation that admits all lessons of ours; ``options.failures`` False learns
+    nothing from failures.
     """
     options = options or BankOptions()
     if not lesson.content.strip():
@@ -148,18 +75,12 @@ def weigh(
     if failed and lesson.type != "failure_avoidance":
         why = "A recipe from a failed episode was left out: failures only teach constraints."
         return Weighed(lesson, None, why)
-    level = trust or trust_of([origin or Origin(True, "")])
-    if ungrounded:
-        return Weighed(lesson, "provisional", ungrounded, level)
-    verified = failed or verdict.outcome == "verified_success"
-    if not verified and (options.admission or not believed(level)):
-        what = "could not be judged" if verdict.outcome == "unavailable" else "is uncertain"
-        return Weighed(lesson, "provisional", f"the outcome {what}", level)
-    if believed(level):
-        return Weighed(lesson, "active", "", level)
-    # Together with other sources it may be believed after all.
-    note = "it comes from outside, and no second source has confirmed it yet"
-    return Weighed(lesson, "provisional" if trust else "active", note, level)
+    note = ungrounded
+    if not note and trust != "own":
+        note = "it comes from outside, and no episode of ours has confirmed it yet"
+    elif not note and options.admission and verdict.outcome in ("uncertain", "unavailable"):
+        note = f"the outcome {'is uncertain' if verdict.outcome == 'uncertain' else 'could not be judged'}"
+    return Weighed(lesson, "provisional" if note else "active", note, trust)
 
 
 def credible(verdict: Verdict) -> tuple[Verdict, str]:
@@ -172,7 +93,7 @@ def credible(verdict: Verdict) -> tuple[Verdict, str]:
         return verdict, ""
     who = f"The verifier '{verdict.verifier or 'unnamed'}'"
     scores = (verdict.quality, verdict.confidence, *verdict.criteria.values())
-    if not all(math.isfinite(score) and -1e-6 <= score <= 1 + 1e-6 for score in scores):
+    if not all(-1e-6 <= score <= 1 + 1e-6 for score in scores):  # nor is NaN
         note = f"{who} gave scores that are not in [0, 1]: its verdict counts as unavailable."
         return Verdict.unavailable(note, verdict.verifier), note
     refuted = {"verified_success": verdict.quality <= FAILED, "verified_fail": verdict.quality >= SUCCEEDED}
@@ -202,9 +123,6 @@ def invalid_json(data: Any) -> str:
     except (TypeError, ValueError, RecursionError) as error:
         return str(error)
     return ""
-
-
-# Records from lessons -----------------------------------------------------------------------------------------------
 
 
 def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: Verdict, now: float) -> Record:
@@ -293,7 +211,7 @@ def evidence(record: Record) -> float:
 
 def standing(record: Record) -> tuple[int, float, float, str]:
     """Sort key of contradicting records, of which the first stays: trust, evidence, then the later one, then ids."""
-    return -LEVELS.index(record.trust), -evidence(record), -record.updated, record.id
+    return int(record.trust != "own"), -evidence(record), -record.updated, record.id
 
 
 def phrasings(known: str, query: str) -> str:

@@ -5,25 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.events import (
-    GENESIS,
-    Event,
-    StoredEpisode,
-    chain_hash,
-    episode_digest,
-    payload_digest,
-    row_digest,
-)
-from gvla2.memory.records import FORGOTTEN, Record, damage_of
-from gvla2.memory.view import BankView, vector_of
+from gvla2.memory.events import GENESIS, Event, StoredEpisode, digest_of, payload_digest, row_digest
+from gvla2.memory.records import Record, damage_of
+from gvla2.memory.view import BankView
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A problem of a bank: ``where`` (chain, event, record, vector, link, episode), which ``id``."""
+    """A problem of a bank: ``where`` (chain, event, record, link, episode), which ``id``."""
 
     where: str
     id: str
@@ -60,7 +51,7 @@ class _Expected:
 
 
 def audit(view: BankView, head: str = "") -> list[Problem]:
-    """The problems of a bank: its chain, payloads, rows against events, vectors, episodes; [] if there are none.
+    """The problems of a bank: its chain, payloads, and rows against events; [] if there are none.
 
     ``head`` is "SEQ:HASH" of an event from earlier statistics of the bank, kept elsewhere: with it, a truncated or
     rewritten chain is found as well.
@@ -68,16 +59,28 @@ def audit(view: BankView, head: str = "") -> list[Problem]:
     expected = _Expected()
     problems = list(_chain(view, expected))
     problems += _kept_head(view, head) if head else ()
-    problems += _records(view, expected)
-    for id, dimension, stored, state in view.vector_rows():
-        if state in (None, FORGOTTEN):
-            problems.append(Problem("vector", str(id), "it belongs to no record"))
-        elif vector_of(dimension, stored) is None:
-            problems.append(Problem("vector", str(id), "damaged: not finite, or of the wrong length"))
-    stored_links = {(link.source, link.kind, link.target) for link in view.links()}
-    for link in sorted(stored_links ^ expected.links):
+    for row in view.rows():
+        digest = expected.records.pop(str(row.id), None)
+        if damage := damage_of(tuple(row)):
+            problems.append(Problem("record", str(row.id), f"damaged: {damage}"))
+        elif digest is None:
+            problems.append(Problem("record", row.id, "no event created it"))
+        elif row_digest(Record(*row)) != digest:
+            problems.append(Problem("record", row.id, "it differs from what its last event stored"))
+    links = {(link.source, link.kind, link.target) for link in view.links()}
+    for link in sorted(links ^ expected.links):
         problems.append(Problem("link", " ".join(link), "it is not in both rows and events"))
-    problems += _episodes(view, expected)
+    for row in view.episode_rows():
+        digest = expected.episodes.pop(row.source, None)
+        try:
+            StoredEpisode.from_json(row.source, row.at, row.data)
+            if digest != digest_of(row.at, row.data):
+                problems.append(Problem("episode", str(row.source), "it is not what was stored"))
+        except ValueError as error:
+            problems.append(Problem("episode", str(row.source), f"damaged: {error}"))
+    missing = {"record": expected.records, "episode": expected.episodes}
+    for where, due in missing.items():
+        problems += [Problem(where, id, "the events have it, the rows do not") for id in sorted(due)]
     return problems
 
 
@@ -96,7 +99,7 @@ def _chain(view: BankView, expected: _Expected) -> Iterator[Problem]:
             yield Problem("chain", where, f"events {seq + 1} to {event.seq - 1} are missing")
         elif event.prev != prev:
             yield Problem("chain", where, "it does not follow the event before it")
-        if chain_hash(event.prev, event.header, event.digest) != event.hash:
+        if digest_of(event.prev, *event.header, event.digest) != event.hash:
             yield Problem("event", where, "its header was changed: the hash differs")
         if event.erased:
             erased.append(event)
@@ -115,11 +118,11 @@ def _chain(view: BankView, expected: _Expected) -> Iterator[Problem]:
         if max(forgotten.get(event.record, 0), forgotten.get(event.target, 0)) <= event.seq:
             yield Problem("event", str(event.seq), "it was erased, and nothing was forgotten afterwards")
     head = view.head
-    if head is not None and (head.rev, head.seq, head.hash) != (rev, seq, prev):
-        differs = f"event {head.seq}" if head.seq != seq else "a different hash or transaction number"
-        yield Problem("chain", "", f"it ends with event {seq}, the bank's own row says {differs}")
     if head is None and seq:
         yield Problem("chain", "", "the bank's own row is missing")
+    elif head is not None and (head.rev, head.seq, head.hash) != (rev, seq, prev):
+        differs = f"event {head.seq}" if head.seq != seq else "a different hash or transaction number"
+        yield Problem("chain", "", f"it ends with event {seq}, the bank's own row says {differs}")
 
 
 def _kept_head(view: BankView, head: str) -> Iterator[Problem]:
@@ -133,31 +136,3 @@ def _kept_head(view: BankView, head: str) -> Iterator[Problem]:
         yield Problem("chain", place, "the head kept elsewhere is missing: the chain was truncated")
     elif event.hash != hash_:
         yield Problem("chain", place, "it differs from the head kept elsewhere: the chain was rewritten")
-
-
-def _records(view: BankView, expected: _Expected) -> Iterator[Problem]:
-    due = dict(expected.records)
-    for row in view.rows():
-        digest = due.pop(str(row.id), None)
-        if damage := damage_of(tuple(row)):
-            yield Problem("record", str(row.id), f"damaged: {damage}")
-        elif digest is None:
-            yield Problem("record", row.id, "no event created it")
-        elif row_digest(Record(*tuple[Any, ...](row))) != digest:
-            yield Problem("record", row.id, "it differs from what its last event stored")
-    for id in sorted(due):
-        yield Problem("record", id, "the events have it, the rows do not")
-
-
-def _episodes(view: BankView, expected: _Expected) -> Iterator[Problem]:
-    due = dict(expected.episodes)
-    for row in view.episode_rows():
-        digest = due.pop(row.source, None)
-        try:
-            StoredEpisode.from_json(row.source, row.at, row.data)
-            if digest != episode_digest(row.at, row.data):
-                yield Problem("episode", str(row.source), "it is not what was stored")
-        except ValueError as error:
-            yield Problem("episode", str(row.source), f"damaged: {error}")
-    for source in sorted(due):
-        yield Problem("episode", source, "the events have it, the rows do not")

@@ -49,7 +49,7 @@ if TYPE_CHECKING:  # a recall does not wait for the modules that decide
     from gvla2.memory.audit import Problem
     from gvla2.memory.contradiction import Judged
     from gvla2.memory.replay import Replayed
-    from gvla2.memory.transfer import Exported, Imported
+    from gvla2.memory.transfer import Imported
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
 JUDGED = 16
@@ -72,8 +72,8 @@ class KnowledgeBank(OpenBank, Closing):
 
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or an open store, which is closed with
     the bank; "" is the user's own memory. It is created if missing. By default it ranks by words, vectors, quality and
-    geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given;
-    vectors of other models are then replaced, once. ``verifier`` judges stored episodes again, ``judge`` decides
+    geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given.
+    ``verifier`` judges stored episodes again, ``judge`` decides
     whether similar lessons in words contradict each other; ``clock`` gives seconds since the epoch. Waits for other
     processes at most ``busy_seconds`` at a time.
 
@@ -104,17 +104,9 @@ class KnowledgeBank(OpenBank, Closing):
         store = address
         if not isinstance(store, Store):
             store = Store.open(store or settled("", os.environ), busy_seconds=busy_seconds)
-        chooses = getattr(embedder, "for_bank", None)
-        if chooses is not None:  # reading its model would load one that is not needed
-            with store.reading(bank) as view:
-                embedder = chooses(view.model())
-        named = embedder is not None and chooses is None
         embedder = embedder or StaticEmbedder()
-        index = Index(store, bank, embedder, replace=named)
-        super().__init__(store, bank, index, embedder, options, inducer, clock)
+        super().__init__(store, bank, Index(store, bank, embedder), embedder, options, inducer, clock)
         self._lock = threading.RLock()
-
-    # The main job -------------------------------------------------------------------------------------------------
 
     def recall(self, task: MemoryTask | str) -> MemoryContext:
         """The most reliable records for the task, or none with the reason."""
@@ -165,8 +157,6 @@ class KnowledgeBank(OpenBank, Closing):
             if self._verifier is not None and self.options.replay_per_episode:
                 self.replay(self._verifier, limit=self.options.replay_per_episode, but=episode.source)
             return learned
-
-    # By hand ------------------------------------------------------------------------------------------------------
 
     def admit(
         self,
@@ -240,8 +230,6 @@ class KnowledgeBank(OpenBank, Closing):
             finally:
                 self.index.refresh()
 
-    # Inspection ---------------------------------------------------------------------------------------------------
-
     def records(self, states: Sequence[LifecycleState] | None = None) -> list[Record]:
         """The bank's records in these states (all by default), by id."""
         with self.store.reading(self.bank) as view:
@@ -253,16 +241,13 @@ class KnowledgeBank(OpenBank, Closing):
             asked, vector = self._asked(text)
             served, found = self._candidates("active"), self._candidates("active", "provisional")
             ranked, _ = self._retriever.rank(asked, served, vector)
-            hits = [Hit(served.record(r.row), r.score, dict(r.terms), reliable=True) for r in ranked]
+            hits = [Hit(served.record(r.row), r.score, r.terms, reliable=True) for r in ranked]
+            known = {hit.record.id for hit in hits}
             lexical, cosine = found.lexical(asked.query), found.cosine(vector)
             score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
-            known = {hit.record.id for hit in hits}
-            for row in np.argsort(-score, kind="stable").tolist():
-                if len(hits) >= k or score[row] <= 0:
-                    break
-                if (record := found.record(row)).id not in known:
+            for row in np.argsort(-score, kind="stable")[: max(k, 0) + len(known)].tolist():
+                if score[row] > 0 and (record := found.record(row)).id not in known:
                     terms = {"lexical": float(lexical[row]), "cosine": float(cosine[row])}
-                    terms["confidence"] = record.confidence
                     hits.append(Hit(record, float(score[row]), terms, reliable=False))
             return hits[: max(k, 0)]
 
@@ -279,12 +264,6 @@ class KnowledgeBank(OpenBank, Closing):
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""
         return self.store.stats(self.bank)
-
-    def export(self, path: str | Path, *, states: Sequence[LifecycleState] | None = None) -> Exported:
-        """Write the records, those in ``states`` (all by default), to a new file of JSON lines."""
-        from gvla2.memory.transfer import export_jsonl
-
-        return export_jsonl(self.store, self.bank, Path(path), states=states)
 
     def import_(self, path: str | Path, *, trusted: bool = False, source: str = "import") -> Imported:
         """Admit the lessons of a file of :meth:`export`; provisional unless ``trusted``, as your own export."""

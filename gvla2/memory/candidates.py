@@ -1,15 +1,14 @@
-"""The records that a retriever ranks, as parallel columns."""
+"""The records that a retriever ranks."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.records import OUTCOMES, TYPES, Record
+from gvla2.memory.records import Record
 from gvla2.memory.text import subqueries, terms
 
 Array = NDArray[np.float64]
@@ -23,22 +22,16 @@ _TERMS = 1000
 class HeldRecord:
     """A record in RAM with its unit (D,) ``vector``, or zero, and how many others contradict it."""
 
-    __slots__ = ("conflicts", "program", "record", "signature", "terms", "vector")
+    __slots__ = ("conflicts", "record", "signature", "terms", "vector")
 
     def __init__(self, record: Record, vector: NDArray[np.float32], conflicts: int = 0) -> None:
         self.record, self.vector, self.conflicts = record, vector, conflicts
         self.terms = terms(record.text)
-        # Most records have no effect: their texts are not parsed for one.
-        self.program = "program" in record.effect and (record.effect_json() or {}).get("kind") == "program"
         self.signature = record.signature_json() if record.signature != "{}" else {}
 
 
 class Candidates:
-    """The N records that a retriever ranks, by id, as parallel columns; row i is the same record in each of them.
-
-    ``confidence``: kappa in [0, 1]; ``ages``: days since the last update, never negative; ``usage``: credited uses;
-    ``conflicts``: how many records contradict each; ``outcomes``: indices into ``OUTCOMES``, how each was verified;
-    ``types``: indices into ``TYPES``; ``programs``: which carry a program as their effect. Columns must not be changed.
+    """The N records that a retriever ranks, by id; row i is the same record for all methods.
 
     ``now`` is the reference time of ages, seconds since the epoch. :func:`gvla2.testing.candidates` makes small ones
     for the tests of a retriever.
@@ -52,63 +45,22 @@ class Candidates:
     def __len__(self) -> int:
         return len(self._held)
 
+    def __getitem__(self, row: int) -> HeldRecord:
+        """A row with its vector, scene signature and number of contradicting records."""
+        return self._held[row]
+
     def record(self, row: int) -> Record:
         """The whole record of a row."""
         return self._held[row].record
 
     @cached_property
-    def confidence(self) -> Array:
-        """(N,) kappa."""
-        return np.array([one.record.confidence for one in self._held])
-
-    @property
-    def ages(self) -> Array:
-        """(N,) days."""
-        return np.maximum((self.now - self._updated) / SECONDS_PER_DAY, 0.0)
-
-    @cached_property
-    def _updated(self) -> Array:
-        return np.array([one.record.updated for one in self._held])
-
-    @cached_property
-    def usage(self) -> NDArray[np.int64]:
-        """(N,) credited uses."""
-        return np.array([one.record.usage for one in self._held], np.int64)
-
-    @cached_property
-    def conflicts(self) -> NDArray[np.int64]:
-        """(N,) contradicting records."""
-        return np.array([one.conflicts for one in self._held], np.int64)
-
-    @cached_property
-    def outcomes(self) -> NDArray[np.int8]:
-        """(N,) indices into ``OUTCOMES``."""
-        return np.array([OUTCOMES.index(one.record.outcome) for one in self._held], np.int8)
-
-    @cached_property
-    def types(self) -> NDArray[np.int8]:
-        """(N,) indices into ``TYPES``."""
-        return np.array([TYPES.index(one.record.type) for one in self._held], np.int8)
-
-    @cached_property
-    def programs(self) -> NDArray[np.bool_]:
-        """(N,) which carry a program."""
-        return np.array([one.program for one in self._held], np.bool_)
-
-    @cached_property
     def vectors(self) -> NDArray[np.float32]:
-        """(N, D) embeddings."""
+        """(N, D) embeddings; must not be changed."""
         return np.stack([one.vector for one in self._held]) if self._held else np.zeros((0, 0), np.float32)
 
     def of_skill(self, skill: str) -> NDArray[np.bool_]:
         """(N,) the records of this skill or of none; all of them for ""."""
-        if not skill:
-            return np.ones(len(self), np.bool_)
-        return np.array([one.record.skill in ("", skill) for one in self._held], np.bool_)
-
-    def numbers(self, name: str) -> Array:
-        """(N,) a number of the scenes' signatures, nan where there is none."""
-        return np.array([one.signature.get(name, math.nan) for one in self._held])
+        return np.array([not skill or one.record.skill in ("", skill) for one in self._held], np.bool_)
 
     def cosine(self, vector: NDArray[np.float32]) -> Array:
         """(N,) cosine with a unit (D,) vector, 0 if a record has none by this model."""

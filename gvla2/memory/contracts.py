@@ -6,11 +6,11 @@ The whole of a memory is ``recall(task) -> context`` and ``learn(episode, verdic
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
-from gvla2.memory.records import Outcome, RecordType, Trust
+from gvla2.memory.records import Outcome, RecordType
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,7 +39,7 @@ class MemoryItem:
     """One recalled record. ``score`` is the sum of ``terms`` (r_text, confidence, success, ...; paper eq. S).
 
     ``binding`` is True for constraints (failures to avoid) and False for hints. ``effect`` is a typed effect as
-    JSON, or None. ``trust`` other than "own" marks a text from outside, which is shown as such.
+    JSON, or None.
     """
 
     id: str
@@ -50,7 +50,6 @@ class MemoryItem:
     terms: Mapping[str, float]
     binding: bool
     effect: Mapping[str, Any] | None = None
-    trust: Trust = "own"
 
 
 @dataclass(frozen=True)
@@ -73,9 +72,6 @@ class Verdict:
 
     >= .70 is ``verified_success``, <= .35 ``verified_fail``, else ``uncertain``. A verifier that could not judge
     is ``unavailable`` (quality and confidence are then meaningless), never a midpoint.
-
-    ``usage`` is the cost of judging by name (prompt_tokens, completion_tokens, calls), empty for rules. ``mass`` is the
-    probability that a model gave to valid score tokens, by criterion, in [0, 1]; empty if no model judged.
     """
 
     outcome: Outcome
@@ -84,8 +80,6 @@ class Verdict:
     criteria: Mapping[str, float] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     verifier: str = ""
-    usage: Mapping[str, int] = field(default_factory=dict)
-    mass: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def from_criteria(
@@ -159,6 +153,23 @@ class Learned:
     notes: tuple[str, ...] = ()
     degraded: str = ""
 
+    @classmethod
+    def combined(cls, parts: Iterable[Learned]) -> Learned:
+        """The fate of all lessons, each id and sentence once."""
+        parts = list(parts)
+
+        def every(name: str) -> tuple[str, ...]:
+            return tuple(dict.fromkeys(one for part in parts for one in getattr(part, name)))
+
+        return cls(
+            every("added"),
+            every("merged"),
+            every("provisional"),
+            sum(part.discarded for part in parts),
+            every("notes"),
+            " ".join(dict.fromkeys(part.degraded for part in parts if part.degraded)),
+        )
+
 
 class Memory(Protocol):
     """A whole memory method."""
@@ -174,9 +185,8 @@ class Memory(Protocol):
 
 
 class Embedder(Protocol):
-    """Maps texts to unit vectors. One with a method ``for_bank(model)`` returns the embedder for a bank whose vectors
-    are by ``model``, "" for a bank without vectors. One with a method ``knows(query)`` says whether the vector of a
-    query means anything; if not, the bank searches by words alone.
+    """Maps texts to unit vectors. One with a method ``knows(query)`` says whether the vector of a query means anything;
+    if not, the bank searches by words alone.
     """
 
     @property
@@ -245,15 +255,13 @@ class LessonPair:
 class Judgement:
     """A judge's decision on two lessons: whether they contradict each other, None if it is undecided.
 
-    ``probability`` in [0, 1] that they do; ``usage`` is the cost of asking by name (prompt_tokens, completion_tokens,
-    calls, cached).
+    ``probability`` in [0, 1] that they do.
     """
 
     contradicts: bool | None
     probability: float
     reason: str = ""
     judge: str = ""
-    usage: Mapping[str, int] = field(default_factory=dict)
 
 
 class Judge(Protocol):

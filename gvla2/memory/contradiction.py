@@ -7,7 +7,6 @@ unknown until a judge, any model by configuration, has decided; without one they
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -103,19 +102,14 @@ def _wording(content: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(stem(word) for word in words(content) if word not in _ARTICLES), tuple(numbers(content))
 
 
-# By a judge ---------------------------------------------------------------------------------------------------------
-
-
 @dataclass
 class Judged:
-    """The result of judging: pairs of ids by decision, those left open, costs by name, and errors."""
+    """The result of judging: pairs of ids by decision, ids of the archived ones, and why pairs were left open."""
 
     conflicts: list[Pair] = field(default_factory=list)
     dismissed: list[Pair] = field(default_factory=list)
-    open: int = 0
     archived: list[str] = field(default_factory=list)
-    usage: Counter[str] = field(default_factory=Counter)
-    notes: list[str] = field(default_factory=list)
+    open: list[str] = field(default_factory=list)
 
 
 def judge(
@@ -133,11 +127,7 @@ def judge(
         batch = pairs[start : start + BATCH]
         shown = [LessonPair(a.content, b.content, a.query, b.query) for a, b in batch]
         answers = list(zip(batch, judge.judge(shown), strict=True))
-        for _, answer in answers:
-            done.usage.update(answer.usage)
-            done.open += answer.contradicts is None
-            if answer.contradicts is None and answer.reason and answer.reason not in done.notes:
-                done.notes.append(answer.reason)
+        done.open += [answer.reason for _, answer in answers if answer.contradicts is None]
         decided = [(pair, answer) for pair, answer in answers if answer.contradicts is not None]
         if not decided:
             continue
@@ -164,10 +154,10 @@ def _undecided(bank: OpenBank, about: Collection[str] | None) -> Iterable[tuple[
     seen = linked["conflict"] | linked["dismissed"]
     records = [record for record in bank.index.records("active") if not record.effect]
     for record in sorted(records, key=lambda r: (-r.updated, r.id)):
-        vector = bank.index.vector(record.id)
-        if vector is None or (about is not None and record.id not in about):
+        held = bank.index.get(record.id)
+        if held is None or (about is not None and record.id not in about):
             continue
-        for other, cosine in bank.index.nearest(vector, NEAREST + 1):
+        for other, cosine in bank.index.nearest(held.vector, NEAREST + 1):
             pair = (min(record.id, other.id), max(record.id, other.id))
             if other.id == record.id or other.effect or pair in seen or cosine < bank.options.match:
                 continue

@@ -67,14 +67,10 @@ class Event:
 
     @property
     def damage(self) -> str:
-        """What is wrong with the stored row, "" if nothing: the columns whose values cannot have been stored."""
-        wrong = [
-            name
-            for name, kind in zip(EVENT_COLUMNS, _EVENT_TYPES, strict=True)
-            if type(getattr(self, name)) is not kind
-        ]
-        wrong += [] if wrong or math.isfinite(self.at) else ["at"]
-        return f"damaged: {', '.join(wrong)} cannot be read" if wrong else ""
+        """What is wrong with the stored row, "" if nothing: columns whose values cannot have been stored."""
+        values = zip(EVENT_COLUMNS, _EVENT_TYPES, strict=True)
+        wrong = [name for name, kind in values if type(getattr(self, name)) is not kind]
+        return f"damaged: {', '.join(wrong)} cannot be read" if wrong or not math.isfinite(self.at) else ""
 
     @property
     def erased(self) -> bool:
@@ -95,9 +91,9 @@ def payload_digest(salt: bytes, payload: Sequence[str]) -> str:
     return hashlib.sha256(salt + dump(list(payload)).encode()).hexdigest()
 
 
-def chain_hash(prev: str, header: Sequence[object], digest: str) -> str:
-    """Hash of the permanent part (``header``: bank to target), and by ``prev`` of all events before."""
-    return hashlib.sha256(dump([prev, *header, digest]).encode()).hexdigest()
+def digest_of(*data: object) -> str:
+    """Digest of JSON data: of (prev, *header, payload digest) an event's hash, of (at, data) an episode's digest."""
+    return hashlib.sha256(dump(list(data)).encode()).hexdigest()
 
 
 def row_digest(record: Record) -> str:
@@ -105,11 +101,6 @@ def row_digest(record: Record) -> str:
     columns = as_json(record)
     del columns["rev"]
     return hashlib.sha256(dump(columns).encode()).hexdigest()
-
-
-def episode_digest(at: float, data: str) -> str:
-    """The digest of a stored episode in the chain."""
-    return hashlib.sha256(dump([at, data]).encode()).hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,22 +141,15 @@ class StoredEpisode:
         """The episode of :meth:`to_json`; raises ``ValueError`` for anything else."""
         try:
             data = load_object(str(text))
+            task = MemoryTask(data["task"]["query"], skill=data["task"]["skill"])
             if not isinstance(source, str) or not isinstance(at, float) or not math.isfinite(at):
                 raise ValueError("no source or no time")
+            kept = {"transcript": str(data["transcript"]), "facts": dict(data["facts"])}
             return cls(
-                source=source,
-                at=at,
-                task=MemoryTask(data["task"]["query"], skill=data["task"]["skill"]),
-                transcript=str(data["transcript"]),
-                facts=dict(data["facts"]),
-                judged=int(data.get("judged", 1)),
-                records=tuple(data["records"]),
+                source, at, task, **kept, judged=int(data.get("judged", 1)), records=tuple(data["records"])
             )
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an episode: {error}") from error
-
-
-# Tables -------------------------------------------------------------------------------------------------------------
 
 
 class _Bytes(LargeBinary):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from contextlib import suppress
 
@@ -12,28 +11,26 @@ from numpy.typing import NDArray
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.candidates import Candidates, HeldRecord
 from gvla2.memory.contracts import Embedder
-from gvla2.memory.embedding import record_vectors
+from gvla2.memory.embedding import StaticEmbedder, record_vectors
 from gvla2.memory.records import OUTCOMES, TYPES, Record
 from gvla2.memory.store import Store
 from gvla2.memory.view import RecordChange
 
 STATES = ("provisional", "active")
 """The states held in RAM; a record of any other is dropped."""
-_MANY = 200
-"""Number of texts that may take a model more than a second."""
-log = logging.getLogger(__name__)
 
 
 class Index:
     """The records of ``bank`` that may be ranked, with vectors by ``embedder``. Not thread-safe.
 
-    With ``replace``, stored vectors of another model are replaced by those made here.
+    Stored vectors of another model are replaced, except by the static table's: those are quickly made.
     """
 
-    def __init__(self, store: Store, bank: str, embedder: Embedder, *, replace: bool = False) -> None:
+    def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
         self.bank = bank
         self.rev = 0
-        self._store, self._embedder, self._replace = store, embedder, replace
+        self._store, self._embedder = store, embedder
+        self._replaces = not isinstance(embedder, StaticEmbedder)
         self._dimension = int(embedder.embed([""]).shape[1])
         self._held: dict[str, HeldRecord] = {}
         self._candidates: dict[tuple[str, ...], Candidates] = {}
@@ -58,15 +55,13 @@ class Index:
             for one in changes
             if one.record.state in STATES and one.record.type in TYPES and one.record.outcome in OUTCOMES
         ]
-        held = [
-            HeldRecord(one.record, vector, one.conflicts)
-            for one, vector in zip(kept, self._vectors(kept), strict=True)
-        ]
+        vectors = self._vectors(kept)
         if not since:
             self._held.clear()
         for change in changes:
             self._held.pop(change.record.id, None)
-        self._held |= {one.record.id: one for one in held}
+        for one, vector in zip(kept, vectors, strict=True):
+            self._held[one.record.id] = HeldRecord(one.record, vector, one.conflicts)
         self._candidates.clear()
         self.rev = rev
 
@@ -102,34 +97,24 @@ class Index:
         best = np.argsort(-cosines, kind="stable")[:k]
         return [(candidates.record(row), float(cosines[row])) for row in best.tolist()]
 
-    def get(self, id: str) -> Record | None:
-        """The record, None if it is not in the index."""
-        held = self._held.get(id)
-        return held.record if held else None
-
-    def vector(self, id: str) -> NDArray[np.float32] | None:
-        """(D,) the embedding of a record, None if it is not in the index."""
-        held = self._held.get(id)
-        return held.vector if held else None
+    def get(self, id: str) -> HeldRecord | None:
+        """The record with its vector, None if it is not in the index."""
+        return self._held.get(id)
 
     def records(self, state: str) -> list[Record]:
-        """The records held in a state, by id."""
-        found = (one.record for one in self._held.values() if one.record.state == state)
-        return sorted(found, key=lambda record: record.id)
+        """The records held in a state."""
+        return [one.record for one in self._held.values() if one.record.state == state]
 
     def _vectors(self, changes: Sequence[RecordChange]) -> list[NDArray[np.float32]]:
         """The valid stored (D,) vectors by this embedder's model, new ones for the others."""
         model = self._embedder.model
         found = [one.vector if one.model == model and self._valid(one.vector) else None for one in changes]
         missing = [i for i, vector in enumerate(found) if vector is None]
-        if len(missing) > _MANY:
-            message = "%d records of the bank '%s' have no vectors by %s: embedding them."
-            log.info(message, len(missing), self.bank, model)
         texts = [(changes[i].record.query, changes[i].record.content) for i in missing]
         made = record_vectors(self._embedder, texts) if missing else ()
         for i, vector in zip(missing, made, strict=True):
             found[i] = vector = np.nan_to_num(vector)
-            if not changes[i].model or (self._replace and changes[i].model != model):
+            if not changes[i].model or (self._replaces and changes[i].model != model):
                 self._made.append((changes[i].record, vector))
         return [vector for vector in found if vector is not None]
 

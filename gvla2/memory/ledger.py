@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.admission import Origin
 from gvla2.memory.contracts import Embedder, Inducer
 from gvla2.memory.embedding import record_vectors
 from gvla2.memory.index import STATES, Index
@@ -27,7 +26,7 @@ have less than .2, as half of a vector is the task's."""
 class OpenBank:
     """What decisions about the bank named ``bank`` need: its store, its index in RAM, and its options.
 
-    ``clock`` gives seconds since the epoch; ``retired_at`` is when failures were last checked for retirement.
+    ``clock`` gives seconds since the epoch.
     """
 
     store: Store
@@ -37,7 +36,6 @@ class OpenBank:
     options: BankOptions
     inducer: Inducer | None
     clock: Callable[[], float]
-    retired_at: float = -1e18
 
 
 @contextmanager
@@ -76,11 +74,6 @@ class LessonLedger:
         found = {record.id: record for record in self.index.records(state)} | self._changed
         return sorted((one for one in found.values() if one.state == state), key=lambda one: one.id)
 
-    def origins(self, id: str) -> list[Origin]:
-        """The origins of a record's evidence."""
-        read = map(Origin.read, self.transaction.origins(id))
-        return [origin for origin in read if origin is not None]
-
     def nearest(
         self, vector: NDArray[np.float32], k: int, states: Sequence[str]
     ) -> list[tuple[Record, float]]:
@@ -101,18 +94,20 @@ class LessonLedger:
         why: str = "",
         *,
         vector: NDArray[np.float32] | None = None,
-        origin: Origin | None = None,
+        origin: str = "",
     ) -> Record:
-        """Store a record; ``vector`` (D,) is that of its text, if known. Returns it as stored."""
-        before = self._changed.get(record.id) or self.index.get(record.id)
+        """Store a record; ``vector`` (D,) is that of its text, if known, and ``origin`` that of new evidence for it.
+
+        Returns it as stored.
+        """
+        held = self.index.get(record.id)
+        before = self._changed.get(record.id) or (held.record if held else None)
         if record.state not in STATES:
             vector = None
         elif vector is None and (before is None or before.text != record.text):
             vector = record_vectors(self._embedder, [(record.query, record.content)])[0]
         model = self._embedder.model if vector is not None else ""
-        stored = self.transaction.put(
-            record, action, vector=vector, model=model, why=why, origin="" if origin is None else str(origin)
-        )
+        stored = self.transaction.put(record, action, vector=vector, model=model, why=why, origin=origin)
         self._changed[record.id] = stored
         if vector is not None:
             self._vectors[record.id] = vector

@@ -14,9 +14,8 @@ from typing import Any, Literal, get_args
 RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "archive"]
 Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable"]
-Trust = Literal["foreign", "confirmed", "own"]
-"""Levels of trust in a text, from least to most: from outside; from outside and confirmed by verified episodes of two
-independent sources; about a verified episode of ours."""
+Trust = Literal["foreign", "own"]
+"""A text comes from outside, or from a verified episode of ours (or the user vouches for it)."""
 
 TYPES: tuple[RecordType, ...] = get_args(RecordType)
 """The types in a fixed order: numeric columns hold indices into it."""
@@ -127,11 +126,11 @@ def load_object(text: str) -> dict[str, Any]:
 
 def damage_of(row: tuple[Any, ...]) -> str:
     """What is wrong with a stored row (columns as in :data:`COLUMNS`), "" if nothing."""
-    if (kinds := tuple(map(type, row))) != COLUMN_TYPES:
-        wrong = [
-            name for name, kind, due in zip(COLUMNS, kinds, COLUMN_TYPES, strict=True) if kind is not due
-        ]
-        return f"{', '.join(wrong)} of a wrong type"
+    if tuple(map(type, row)) != COLUMN_TYPES:
+        columns = zip(COLUMNS, row, COLUMN_TYPES, strict=True)
+        return (
+            f"{', '.join(name for name, value, kind in columns if type(value) is not kind)} of a wrong type"
+        )
     for i in _NUMBERS:
         if not math.isfinite(row[i]):
             return f"{COLUMNS[i]} is not a finite number"
@@ -139,11 +138,10 @@ def damage_of(row: tuple[Any, ...]) -> str:
         if not 0 <= row[i] < 2**63:
             return f"{COLUMNS[i]} is not a count"
     for i in _JSON_COLUMNS:
-        text = row[i]
-        if text == "{}" or (not text and i == _EFFECT):
+        if row[i] == "{}" or (i == _EFFECT and not row[i]):
             continue
         try:
-            data = load_object(text)
+            data = load_object(row[i])
             if i == _SIGNATURE and not all(math.isfinite(float(value)) for value in data.values()):
                 return "signature has a value that is not a number"
         except (ValueError, TypeError, RecursionError) as error:

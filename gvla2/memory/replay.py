@@ -16,13 +16,12 @@ from gvla2.memory.records import Record
 
 @dataclass
 class Replayed:
-    """The result of a replay: ids by decision, and how many episodes were judged or could not be."""
+    """The result of a replay: ids by decision, the number of episodes, and why some could not be judged."""
 
     promoted: list[str] = field(default_factory=list)
     demoted: list[str] = field(default_factory=list)
     confirmed: list[str] = field(default_factory=list)
     episodes: int = 0
-    unavailable: int = 0
     notes: list[str] = field(default_factory=list)
 
 
@@ -36,8 +35,7 @@ def replay(bank: OpenBank, verifier: Verifier, *, limit: int | None = None, but:
         verdict, _ = credible(verdict_of(verifier, shown))
         done.episodes += 1
         if verdict.outcome == "unavailable":
-            done.unavailable += 1
-            done.notes += [reason for reason in verdict.reasons[:1] if reason not in done.notes]
+            done.notes += verdict.reasons
         else:
             _revise(bank, episode.source, verdict, done)
     return done

@@ -14,14 +14,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.candidates import Array, Candidates
+from gvla2.memory.candidates import SECONDS_PER_DAY, Array, Candidates, HeldRecord
 from gvla2.memory.contracts import MemoryTask, Ranked
 from gvla2.memory.options import HybridOptions, ScoreWeights, SemanticOptions
-from gvla2.memory.records import OUTCOMES, TYPES, Record, dump
+from gvla2.memory.records import Record, dump
 from gvla2.memory.text import subqueries, words
 
-_CONSTRAINT = TYPES.index("failure_avoidance")
-_FAIL = OUTCOMES.index("verified_fail")
 _LOOKED_AT = 1000
 """Number of the best records that are considered."""
 
@@ -64,19 +62,16 @@ class HybridRetriever:
         rows = np.flatnonzero(about)
         for name in set(options.essential) & task.signature.keys():
             # nan, of a record without the number, does not exclude
-            rows = rows[~(scene_difference(task.signature, name, candidates, rows) > options.max_difference)]
+            held = [candidates[row] for row in rows]
+            rows = rows[~(scene_difference(task.signature, name, held) > options.max_difference)]
         if not len(rows):
             why = "records are about this, all of them from a different geometry"
             return (), f"{np.count_nonzero(about)} {why}."
         relevance = options.lexical_weight * lexical[rows] + options.cosine_weight * cosine[rows]
-        terms = score_terms(
-            options.weights,
-            candidates,
-            rows,
-            # Relative to the best, like BM25 / its maximum: else confidence would outweigh relevance.
-            relevance=relevance / max(float(relevance.max()), 1e-9),
-            distance=scene_distance(task.signature, candidates, rows),
-        )
+        # Relative to the best, like BM25 / its maximum: else confidence would outweigh relevance.
+        relevance /= max(float(relevance.max()), 1e-9)
+        held = [candidates[row] for row in rows]
+        terms = score_terms(options.weights, held, candidates.now, relevance, task.signature)
         scores = np.sum(list(terms.values()), axis=0)
         if (best := scores.max()) < options.min_score:
             best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is required"
@@ -99,8 +94,8 @@ class HybridRetriever:
                 break
             record = candidates.record(int(rows[i]))
             kind, most = "hint", options.top_k
-            if candidates.programs[rows[i]]:
-                kind, most = str((record.effect_json() or {}).get("language")), options.programs
+            if (program := (record.effect_json() or {})).get("kind") == "program":
+                kind, most = str(program.get("language")), options.programs
             elif record.type == "failure_avoidance":
                 kind, most = "constraint", options.top_k_constraints
             if len(shown[kind]) < most and not any(self._same(record, other) for other in shown[kind]):
@@ -151,55 +146,60 @@ def _parameter(record: Record) -> str:
     return dump([str(effect.get(name, "")) for name in ("kind", "parameter", "op", "skill")])
 
 
-# Terms of the score --------------------------------------------------------------------------------------------------
-
-
 def score_terms(
     weights: ScoreWeights,
-    candidates: Candidates,
-    rows: NDArray[np.intp],
-    *,
+    held: Sequence[HeldRecord],
+    now: float,
     relevance: Array,
-    distance: Array,
+    signature: Mapping[str, float],
 ) -> dict[str, Array]:
-    """The terms of S by name, each (K,) for the (K,) ``rows``; penalties are negative, so that S is their sum.
+    """The terms of S by name, each (K,) for the K records; penalties are negative, so that S is their sum.
 
-    ``relevance`` (K,) is r_text in [0, 1]; ``distance`` (K,) of the scenes by :func:`scene_distance`, nan if not
-    applicable.
+    ``now`` in seconds since the epoch; ``relevance`` (K,) is r_text in [0, 1]; ``signature`` is the present scene's.
     """
-    ages, usage, outcomes = candidates.ages[rows], candidates.usage[rows], candidates.outcomes[rows]
-    # In the order of OUTCOMES.
-    bonus = np.array([weights.verified, weights.failed, weights.uncertain, weights.unjudged])
-    avoidance = candidates.types[rows] == _CONSTRAINT
+    records = [one.record for one in held]
+    ages = np.maximum([(now - one.updated) / SECONDS_PER_DAY for one in records], 0.0)
+    usage = np.array([one.usage for one in records])
+    conflicts = np.array([one.conflicts for one in held])
+    avoidance = np.array([one.type == "failure_avoidance" for one in records])
+    bonus = {
+        "verified_success": weights.verified,
+        "verified_fail": weights.failed,
+        "uncertain": weights.uncertain,
+        "unavailable": weights.unjudged,
+    }
+    success = [
+        weights.verified if warned and one.outcome == "verified_fail" else bonus[one.outcome]
+        for one, warned in zip(records, avoidance, strict=True)
+    ]
     used = np.minimum(np.log1p(np.maximum(usage, 0)) / weights.usage_divisor, weights.usage_most)
     forgotten = avoidance & (ages > weights.stale_days) & (usage <= 0)
     ageing = np.maximum(np.minimum(ages / 365.0, weights.ageing) - used / 2, 0.0)
-    fit = 2 * np.exp(-distance / weights.signature_scale) - 1
+    fit = 2 * np.exp(-scene_distance(signature, held) / weights.signature_scale) - 1
     return {
         "r_text": relevance,
-        "confidence": np.clip(candidates.confidence[rows], 0.0, 1.0),
-        "success": np.where(avoidance & (outcomes == _FAIL), weights.verified, bonus[outcomes]),
+        "confidence": np.clip([one.confidence for one in records], 0.0, 1.0),
+        "success": np.array(success),
         "recency": np.maximum(weights.recency - ages / weights.recency_days, 0.0),
         "usage": used,
-        "conflict": -np.minimum(weights.conflict * candidates.conflicts[rows], weights.conflict_most),
+        "conflict": -np.minimum(weights.conflict * conflicts, weights.conflict_most),
         "stale": -np.where(forgotten, weights.stale_failure, ageing),
         "applicability": np.where(np.isnan(fit), 0.0, weights.applicability * fit),
     }
 
 
-def scene_distance(signature: Mapping[str, float], candidates: Candidates, rows: NDArray[np.intp]) -> Array:
+def scene_distance(signature: Mapping[str, float], held: Sequence[HeldRecord]) -> Array:
     """(K,) mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; nan for none."""
-    total, shared = np.zeros(len(rows)), np.zeros(len(rows))
+    total, shared = np.zeros(len(held)), np.zeros(len(held))
     for name in signature:
-        difference = scene_difference(signature, name, candidates, rows)
+        difference = scene_difference(signature, name, held)
         total += np.nan_to_num(difference)
         shared += ~np.isnan(difference)
     return np.where(shared > 0, total / np.maximum(shared, 1.0), math.nan)
 
 
-def scene_difference(
-    signature: Mapping[str, float], name: str, candidates: Candidates, rows: NDArray[np.intp]
-) -> Array:
+def scene_difference(signature: Mapping[str, float], name: str, held: Sequence[HeldRecord]) -> Array:
     """(K,) differences of one of the scenes' numbers, as a share of the larger one; nan if unknown."""
-    asked, known = float(signature[name]), candidates.numbers(name)[rows]
+    asked = float(signature[name])
+    known = np.array([one.signature.get(name, math.nan) for one in held])
     return np.asarray(np.abs(known - asked) / np.maximum(np.maximum(np.abs(known), abs(asked)), 1e-9))

@@ -10,7 +10,7 @@ import math
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +29,7 @@ from gvla2.memory.events import (
     VECTOR,
     Link,
     StoredEpisode,
-    chain_hash,
-    episode_digest,
+    digest_of,
     payload_digest,
     row_digest,
 )
@@ -81,8 +80,6 @@ class Transaction(BankView):
         """The number of this transaction."""
         return self._rev
 
-    # Records ------------------------------------------------------------------------------------------------------
-
     def put(
         self,
         record: Record,
@@ -132,8 +129,6 @@ class Transaction(BankView):
             rows = [vector_row(vector, model, one.id, self.bank) for one, vector in current]
             self.sql.execute(upsert(self.sql, VECTOR, ("bank", "id")), rows)
 
-    # Links, decisions, episodes -----------------------------------------------------------------------------------
-
     def link(self, source: str, kind: str, target: str, why: str = "") -> None:
         """Link two records, unless they are linked so already. Both ends count as changed (rev)."""
         if source == target or not kind or len(self.records(ids=[source, target])) < 2:
@@ -162,9 +157,7 @@ class Transaction(BankView):
         name = known.name if known is not None else f"episode-{os.urandom(8).hex()}"
         row = {"bank": self.bank, "source": source, "name": name, "at": at, "data": data}
         self.sql.execute(upsert(self.sql, EPISODE, ("bank", "source")), row)
-        self._append("episode", name, change={"episode": episode_digest(at, data), "source": source})
-
-    # Forgetting ---------------------------------------------------------------------------------------------------
+        self._append("episode", name, change={"episode": digest_of(at, data), "source": source})
 
     def forget(self, *ids: str, why: str = "") -> list[str]:
         """Forget records permanently. Returns the ids of those that existed.
@@ -181,33 +174,16 @@ class Transaction(BankView):
         for column in ("record", "target"):
             self._erase(column, rows)
         for row in rows.values():
-            tombstone = self._tombstone(row)
+            version = row.version + 1 if type(row.version) is int else 1
+            blank: dict[str, Any] = dict.fromkeys(("query", "content", "type", "outcome"), "")
+            blank |= {"state": FORGOTTEN, "confidence": 0.0, "quality": 0.0, "count": 0}
+            blank |= {"created": self.now, "updated": self.now, "version": version, "rev": self.rev}
+            tombstone = Record(row.id, self.bank, dedup_key=f"{FORGOTTEN}:{row.id}", **blank)
             self._replace_row(tombstone)
             self._append("forget", tombstone.id, why=why, change=as_json(tombstone), row=tombstone)
         self._forget_episodes(rows)
         self.forgotten += rows
         return list(rows)
-
-    def _tombstone(self, row: Row[Any]) -> Record:
-        """What is left of a forgotten record."""
-        blank: Any = ""
-        return Record(
-            id=row.id,
-            bank=self.bank,
-            query="",
-            content="",
-            type=blank,
-            state=cast(Any, FORGOTTEN),
-            outcome=blank,
-            confidence=0.0,
-            quality=0.0,
-            dedup_key=f"{FORGOTTEN}:{row.id}",
-            created=self.now,
-            updated=self.now,
-            count=0,
-            version=row.version + 1 if type(row.version) is int else 1,
-            rev=self.rev,
-        )
 
     def _forget_episodes(self, rows: Mapping[str, Row[Any]]) -> None:
         """Forget the episodes that taught them: their rows, and the events' payloads about them."""
@@ -230,8 +206,6 @@ class Transaction(BankView):
         for some in batches(values):
             where = (EVENT.c.bank == self.bank) & EVENT.c[column].in_(some)
             self.sql.execute(update(EVENT).where(where).values(ERASED))
-
-    # The chain ----------------------------------------------------------------------------------------------------
 
     def _append(
         self,
@@ -256,18 +230,15 @@ class Transaction(BankView):
         digest = payload_digest(salt, payload)
         self._seq += 1
         header = (self.bank, self._seq, self.rev, self.now, self._actor, clean(action, 64), record, target)
-        prev, self._hash = self._hash, chain_hash(self._hash, header, digest)
+        prev, self._hash = self._hash, digest_of(self._hash, *header, digest)
         values = (*header, *payload, salt, digest, prev, self._hash)
         self.sql.execute(insert(EVENT), dict(zip(EVENT_COLUMNS, values, strict=True)))
 
     def finish(self) -> None:
         """Advance the bank's own row, if anything happened; the last step before the commit."""
         if self._seq != self._began:
-            values = (self.bank, self.rev, self._seq, self._hash, self.now)
-            row = dict(zip(BANK.columns.keys(), values, strict=True))
-            self.sql.execute(upsert(self.sql, BANK, ("bank",)), row)
-
-    # Rows ---------------------------------------------------------------------------------------------------------
+            head = {"bank": self.bank, "rev": self.rev, "seq": self._seq, "hash": self._hash, "at": self.now}
+            self.sql.execute(upsert(self.sql, BANK, ("bank",)), head)
 
     def _replace_row(self, record: Record) -> None:
         where = (RECORD.c.bank == self.bank) & (RECORD.c.id == record.id)
@@ -317,10 +288,10 @@ def checked(record: Record, bank: str, version: int, rev: int) -> Record:
         values.append(value)
     values[-2:] = version, rev
     damage = damage_of(tuple(values))
-    if record.bank != bank or not record.id or record.state == FORGOTTEN or not record.dedup_key:
-        damage = f"bank '{record.bank}', state '{record.state}', or no id or key"
-    elif values[0] != record.id:
-        damage = "its id has characters that no database accepts"
+    if (record.bank, record.id) != (bank, values[0]) or record.state == FORGOTTEN:
+        damage = f"bank '{record.bank}', state '{record.state}', or an id that no database accepts"
+    elif not record.id or not record.dedup_key:
+        damage = "it has no id or no key"
     if damage:
         raise MemoryStoreError(f"Record '{record.id}' cannot be stored in bank '{bank}': {damage}.")
     return Record(*values)

@@ -20,7 +20,6 @@ from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of
 Wanted = Collection[str] | None
 """Names to select; None for all."""
 _STATE = COLUMNS.index("state")
-_PAIRED = (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id)
 _TOGETHER = 500
 """How many ids one query names, and how many rows of a stream are held at once."""
 
@@ -61,12 +60,6 @@ class BankView:
         """The number of the bank's last transaction, 0 for none."""
         return int(self.head.rev) if self.head else 0
 
-    def model(self) -> str:
-        """The embedding model of a vector of the bank, "" if it has none."""
-        return str(self.sql.execute(self._of(VECTOR, VECTOR.c.model).limit(1)).scalar() or "")
-
-    # Records ------------------------------------------------------------------------------------------------------
-
     def get(self, id: str) -> Record | None:
         """The record, None if it is missing, damaged or forgotten."""
         return next(iter(self.records(ids=[id])), None)
@@ -89,22 +82,15 @@ class BankView:
 
     def changes(self, since: int = 0) -> list[RecordChange]:
         """Changes by transactions after ``since``, each record once, including forgotten ones."""
-        columns = (VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD)
-        query, found = select(*columns).select_from(RECORD.outerjoin(VECTOR, _PAIRED)), []
-        for row in self.sql.execute(query.where(RECORD.c.bank == self.bank, RECORD.c.rev > since)):
-            record = valid_record(row[3:], forgotten=True)
+        joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
+        query, found = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD), []
+        query = query.select_from(joined).where(RECORD.c.bank == self.bank, RECORD.c.rev > since)
+        for model, dimension, stored, *row in self.sql.execute(query):
+            record = valid_record(row, forgotten=True)
             if record is not None:
-                found.append((record, vector_of(row[1], row[2]), row[0] or ""))
+                found.append((record, vector_of(dimension, stored), model or ""))
         against = self.conflicts({record.id for record, _, _ in found})
         return [RecordChange(record, vector, model, against[record.id]) for record, vector, model in found]
-
-    def vector_rows(self) -> Iterator[tuple[Any, ...]]:
-        """(id, dimension, bytes, state of the record or None) of the stored vectors."""
-        columns = (VECTOR.c.id, VECTOR.c.dimension, VECTOR.c.vector, RECORD.c.state)
-        joined = self._of(VECTOR, *columns).select_from(VECTOR.outerjoin(RECORD, _PAIRED))
-        return (tuple(row) for row in self._streamed(joined))
-
-    # Links --------------------------------------------------------------------------------------------------------
 
     def conflicts(self, ids: Set[str]) -> Counter[str]:
         """How many others contradict each of these records, in either direction of a link."""
@@ -118,23 +104,15 @@ class BankView:
         found = {tuple(row) for end in ends for row in self._named(query, end, ids)}
         return [Link(*row) for row in sorted(row for row in found if set(map(type, row[:3])) == {str})]
 
-    # Events and episodes ------------------------------------------------------------------------------------------
-
     def events(self, since: int = 0) -> Iterator[Event]:
         """The events with seq > ``since``, oldest first, a few at a time."""
-        query = self._of(EVENT).where(EVENT.c.seq > since)
-        return (Event(*tuple[Any, ...](row)) for row in self._streamed(query.order_by(EVENT.c.seq)))
+        query = self._of(EVENT).where(EVENT.c.seq > since).order_by(EVENT.c.seq)
+        return (Event(*row) for row in self._named(query, EVENT.c.record, None))
 
     def history(self, id: str) -> list[Event]:
         """The events about one record, oldest first."""
-        query = self._of(EVENT).where(EVENT.c.record == id)
-        found = (Event(*tuple[Any, ...](row)) for row in self.sql.execute(query.order_by(EVENT.c.seq)))
-        return [event for event in found if not event.damage]
-
-    def origins(self, id: str) -> list[str]:
-        """The origins of the evidence behind a record, oldest first."""
-        query = self._of(EVENT, EVENT.c.origin).where(EVENT.c.record == id, EVENT.c.origin != "")
-        return [str(origin) for origin in self.sql.execute(query.order_by(EVENT.c.seq)).scalars()]
+        query = self._of(EVENT).where(EVENT.c.record == id).order_by(EVENT.c.seq)
+        return [event for row in self.sql.execute(query) if not (event := Event(*row)).damage]
 
     def episodes(self, sources: Wanted = None) -> dict[str, StoredEpisode]:
         """The stored episodes by source, of these sources or all."""
@@ -150,19 +128,13 @@ class BankView:
 
     def counts(self) -> dict[str, Any]:
         """Numbers about the bank: records by state and type, counts of everything else, and the head of its chain."""
-        count, known = func.count(), RECORD.c.state != FORGOTTEN
-        states = self._of(RECORD, RECORD.c.state, count).group_by(RECORD.c.state)
-        types = self._of(RECORD, RECORD.c.type, count).where(known).group_by(RECORD.c.type)
-        grouped = {
-            name: dict(sorted((str(key), int(n)) for key, n in self.sql.execute(query)))
-            for name, query in (("states", states), ("types", types))
-        }
         tables = {"vectors": VECTOR, "links": LINK, "events": EVENT, "episodes": EPISODE}
-        counted = {name: self.sql.scalar(self._of(table, count)) for name, table in tables.items()}
+        counted = {name: self.sql.scalar(self._of(table, func.count())) for name, table in tables.items()}
+        for name, column in (("states", RECORD.c.state), ("types", RECORD.c.type)):
+            query = self._of(RECORD, column, func.count()).group_by(column)
+            counted[name] = {str(key): n for key, n in self.sql.execute(query) if key}
         seq, hash_ = (self.head.seq, self.head.hash) if self.head else (0, "")
-        return {**grouped, **counted, "rev": self.rev, "seq": seq, "hash": hash_}
-
-    # Queries ------------------------------------------------------------------------------------------------------
+        return {**counted, "rev": self.rev, "seq": seq, "hash": hash_}
 
     def _of(self, table: Any, *columns: Any) -> Select[Any]:
         """The bank's rows of a table, all columns or these."""
@@ -171,13 +143,10 @@ class BankView:
     def _named(self, query: Select[Any], column: Any, wanted: Wanted) -> Iterator[Row[Any]]:
         """The rows of a query, those whose ``column`` is among the ``wanted``, asked for a few at a time."""
         if wanted is None:
-            yield from self._streamed(query)
+            options = {"stream_results": True, "max_row_buffer": _TOGETHER}
+            yield from self.sql.execute(query, execution_options=options)
         for some in batches(wanted or ()):
             yield from self.sql.execute(query.where(column.in_(some))).all()
-
-    def _streamed(self, query: Select[Any]) -> Iterator[Row[Any]]:
-        options = {"stream_results": True, "max_row_buffer": _TOGETHER}
-        yield from self.sql.execute(query, execution_options=options)
 
 
 def pairs_of(links: Iterable[Link]) -> dict[str, set[tuple[str, str]]]:

@@ -37,8 +37,11 @@ TRUNCATED = 0.02
 """Metres at which a point's distance from a scan is truncated."""
 VERSION = 6
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
-"""Stems that do not name an object: its folder does."""
-_MODELS = ("mobility", "robot", "urdf", *_COMMON)
+"""Stems that do not name an object: its folder does. Of several in a folder the first one here counts."""
+_MODELS = ("mobility", "robot", "urdf")
+"""Stems of URDFs that do not name an object either."""
+_FOR_PHYSICS = ("collision", "convex", "coacd", "decomp")
+"""Words in the names of files made for physics engines, which are left out."""
 
 
 @dataclass(frozen=True)
@@ -106,39 +109,46 @@ def diameter(corners: FloatArray) -> float:
     return float(pdist(corners).max()) if len(corners) > 1 else 0.0
 
 
-def scan_files(folder: str | os.PathLike[str]) -> dict[str, Path]:
+def scan_files(folder: str | os.PathLike[str], *, joints: bool = False) -> dict[str, Path]:
     """Each scan's file by the object's name: a file's stem, or its folder's name where there is one file a folder.
 
-    A URDF is an object with joints; the meshes that it refers to are its own.
+    With ``joints``, a URDF is an object too; the meshes that it refers to are never objects of their own.
 
     Raises :class:`ConfigurationError` for a folder that is missing or holds no mesh, and for duplicate names.
     """
     root = Path(folder).expanduser()
     if not root.is_dir():
-        raise ConfigurationError(f"perceiver.gallery={folder}: there is no such folder.")
-    models = sorted(p for p in root.rglob("*") if p.suffix.lower() == ".urdf" and p.is_file())
+        raise ConfigurationError(f"{root}: there is no such folder of scans.")
+    models = [p for p in root.rglob("*") if p.suffix.lower() == ".urdf" and p.is_file()]
     within = {mesh for model in models for mesh in read_articulated(model).files}
-    files = sorted(p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
-    files = [*models, *(file for file in files if file.absolute() not in within)]
+    files = [p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file()]
+    files = [p for p in files if not any(word in p.stem.lower() for word in _FOR_PHYSICS)]
+    files = sorted([*(models if joints else ()), *(p for p in files if p.absolute() not in within)])
     if not files:
         raise ConfigurationError(
-            f"perceiver.gallery={folder}: it holds no mesh. Put scans there as NAME.glb or NAME/textured.obj "
-            f"({', '.join(SUFFIXES)}), what has joints as NAME.urdf with its meshes."
+            f"The folder {root} holds no mesh. Put scans there as NAME.glb or NAME/textured.obj "
+            f"({', '.join(SUFFIXES)}){', what has joints as NAME.urdf with its meshes' if joints else ''}."
         )
     found: dict[str, Path] = {}
-    for file in files:
-        own = file.stem if file.stem.lower() not in _MODELS else _folder_name(file, root)
+    for file in sorted(files, key=_rank):
+        named = file.stem if _rank(file) < 0 and file.stem.lower() not in _MODELS else ""
+        own = named or _folder_name(file, root)
         name = " ".join(re.split(r"[\W_]+", own)).strip().lower()
         if not name:
+            raise ConfigurationError(f"{file} does not name an object; name the file after it.")
+        if name not in found:
+            found[name] = file
+        elif _rank(found[name]) == _rank(file) or _rank(found[name]) < 0:
             raise ConfigurationError(
-                f"perceiver.gallery: {file} does not name an object; name the file after it."
+                f"{root} holds two scans called '{name}': {found[name]} and {file}. Rename one."
             )
-        if name in found:
-            raise ConfigurationError(
-                f"perceiver.gallery={folder}: two scans are called '{name}': {found[name]} and {file}. Rename one."
-            )
-        found[name] = file
-    return found
+    return dict(sorted(found.items()))
+
+
+def _rank(file: Path) -> int:
+    """The file's place in the order of the stems that do not name an object; -1 for one that does."""
+    stem = file.stem.lower()
+    return _COMMON.index(stem) if stem in _COMMON else -1
 
 
 def _folder_name(file: Path, root: Path) -> str:
@@ -154,7 +164,7 @@ def read_scans(folder: str | os.PathLike[str]) -> list[KnownScan]:
 
     Raises :class:`ConfigurationError` as :func:`scan_files`, and :class:`GeometryError` for a broken mesh.
     """
-    return [read_scan(name, path) for name, path in scan_files(folder).items()]
+    return [read_scan(name, path) for name, path in scan_files(folder, joints=True).items()]
 
 
 def read_scan(name: str, path: Path) -> KnownScan:

@@ -22,9 +22,10 @@ class SkillCall:
     """One step of a program: ``skill`` on the object ``theme``, and its target.
 
     ``theme`` and ``goal`` are ids of scene objects; ``xy`` is the target of the theme's centre, world metres, for a
-    free place. ``relation`` is that of the goal. ``amount`` is how far in metres (lifted, pushed, pulled) and
-    ``direction`` a unit vector (x, y), x away from the robot and y to its left. ``theta`` sets parameters of the skill
-    by name, in their own units. Raises :class:`ValueError` for an invalid relation or number.
+    free place, or for one side of a goal that it is put on or in. ``relation`` is that of the goal. ``amount`` is how
+    far in metres (lifted, pushed, pulled) and ``direction`` a unit vector (x, y), x away from the robot and y to its
+    left. ``theta`` sets parameters of the skill by name, in their own units. Raises :class:`ValueError` for an invalid
+    relation or number.
     """
 
     skill: str
@@ -112,8 +113,6 @@ OPTION_RANGES: Mapping[str, Range] = {
     "tries": (1, 1000, ""),
     "explore": (0, 2, ""),
     "explore_seed": (0, 2**63 - 1, ""),
-    "samples": (1, 1000, ""),
-    "agreement": (0, 1, ""),
     "programs": (0, 1000, ""),
     "max_tokens": (1, 1_000_000, ""),
 }

@@ -20,7 +20,6 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction, Renderer, StageReport
-from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.surfels import scattered
 
@@ -79,19 +78,6 @@ def inset(obj: Reconstruction, views: Views, renderer: Renderer) -> tuple[Recons
     return replace(obj, gaussians=at(pixels)), StageReport("inset", "applied", f"Gaussians {way}.", *measures)
 
 
-def fill_masks(mesh: TriangleMesh, views: Views) -> TriangleMesh:
-    """The mesh grown, or shrunk, along its normals to where its silhouettes meet the masks best."""
-    if len(mesh.faces) == 0:
-        return mesh
-    step = outward_normals(mesh) * pixel_sizes(mesh.vertices, views)[:, None]
-
-    def at(pixels: float) -> TriangleMesh:
-        return mesh.with_vertices(mesh.vertices + pixels * step)
-
-    pixels, before, after = _best(lambda t: symmetric_iou(at(t).vertices, views, faces=mesh.faces))
-    return at(pixels) if after > before + LEAST_GAIN else mesh
-
-
 def alpha_iou(gaussians: Gaussians, views: Views, renderer: Renderer) -> float:
     """Agreement of rendered alpha and masks, in [0, 1], mean over the views with a mask; NaN when none has."""
     found = []
@@ -124,7 +110,7 @@ def pixel_sizes(points: FloatArray, views: Views) -> FloatArray:
 
 
 def _best(score: Callable[[float], float]) -> tuple[float, float, float]:
-    """The shift in [-1, MOST] pixels with the best score by four looks: it, score(0) and its score.
+    """The shift in [-1, MOST] pixels with the best score after four evaluations, score(0), and the best score.
 
     A score falls off evenly on both sides of its summit, so a parabola through three of its values finds it.
     """
@@ -138,7 +124,7 @@ def _best(score: Callable[[float], float]) -> tuple[float, float, float]:
 
 
 def _summit(known: dict[float, float]) -> float:
-    """Where the parabola through three points has its top; the best point where it has none."""
+    """The maximum of the parabola through three points; the best point if it has none."""
     curve = np.polyfit(list(known), list(known.values()), 2)
     if not np.isfinite(curve).all() or curve[0] >= 0:
         return max(known, key=lambda t: known[t])

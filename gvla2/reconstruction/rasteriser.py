@@ -1,17 +1,15 @@
-"""A tile-based rasteriser of Gaussians on the CPU, with gradients.
+"""A tile-based rasteriser of Gaussians on the CPU: image and alpha of one camera.
 
-``Rasteriser.render`` gives the image and alpha of one camera; ``forward`` and ``backward`` give them with the
-gradients that an optimiser needs. The kernels are numba's, compiled on first use and cached. Work is shared by plain
-threads (the kernels release Python's lock), and no result depends on their number: tiles are independent, and sums over
-tiles are taken in a fixed order.
+The kernels are numba's, compiled on first use and cached. Work is shared by plain threads (the kernels release
+Python's lock), and no result depends on their number: tiles are independent.
+
+A Gaussian is projected by its axes: with the columns of L = R S and the projection's Jacobian J at its centre, the
+ellipse is V V^T + low_pass I with V = J W L. Keeping V (2, 3) instead of a 3x3 covariance makes the determinant a sum
+of squares: |v1 x v2|^2 + low_pass (|v1|^2 + |v2|^2) + low_pass^2 loses nothing to cancellation.
 
 A tile's Gaussians are taken nearest first, and each is painted over the pixels of its ellipse, row by row: the
 ends of a row follow from a square root, so no pixel outside is touched, and along the row the exponential is a
 recurrence of two products. A pixel whose transmittance is spent is skipped, a row and a tile of such pixels too.
-
-The gradient runs front to back as well. With ``rest``, the part of (gradient . final colour) that lies behind
-the Gaussian at hand, d loss / d alpha = T (gradient . colour) - rest / (1 - alpha): one number a pixel is enough,
-and both kernels walk the same rows in the same order.
 """
 
 from __future__ import annotations
@@ -19,6 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,28 +26,28 @@ from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled, cores, run_chunks, run_together
-from gvla2.reconstruction.rasteriser_projection import (
-    BLUE,
-    CONIC_A,
-    CONIC_B,
-    CONIC_DET,
-    DEPTH,
-    GREEN,
-    OPACITY,
-    REACH,
-    RED,
-    SPLAT_COLUMNS,
-    TILE,
-    U,
-    V,
-    project,
-    project_back,
-)
 
 MAX_ALPHA = np.float32(0.99)
 """The most that a single Gaussian hides, as in 3DGS."""
+STOP = np.float32(1e-4)
+"""A pixel is finished when at most this share of light still passes."""
+TILE = 16
+"""Side of the square tiles in pixels."""
 _FRUSTUM_MARGIN = 1.3  # as in 3DGS: beyond it the projection's linearisation is taken at the margin
 _FEWEST_FOR_THREADS = 2000  # below, starting a thread costs more than it saves
+
+U, V, CONIC_A, CONIC_B, CONIC_DET, OPACITY, REACH, RED, GREEN, BLUE, DEPTH = range(11)
+"""Columns of a projected Gaussian ("splat"). A and B belong to the conic ((A, B), (B, C)), the inverse of the ellipse;
+REACH is ln(opacity / min_alpha): alpha is above min_alpha while half the squared Mahalanobis distance is below it."""
+SPLAT_COLUMNS = 11
+
+ROTATION, TRANSLATION, INTRINSICS, EYE, SLOPES, LOW_PASS, NEAR, MIN_ALPHA = 0, 9, 12, 17, 20, 24, 25, 26
+"""Offsets in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
+the least and greatest slopes x/z, y/z at which the projection is linearised, and the renderer's options."""
+
+MOST_SPREAD = np.float32(1e3)
+"""A standard deviation of this multiple of the depth covers any image; more would only overflow."""
+SH_C0 = np.float32(0.2820948)
 
 
 @dataclass(frozen=True)
@@ -56,141 +55,50 @@ class Rasteriser:
     """Paints Gaussians; the defaults are those of 3D Gaussian splatting.
 
     ``low_pass`` square pixels added to both variances of an ellipse; ``near`` metres, nearer centres are left out;
-    ``min_alpha`` contributions below it are left out; ``stop`` a pixel is finished when at most this share of light
-    still passes. Raises :class:`ConfigurationError` for values out of range.
+    ``min_alpha`` contributions below it are left out. Raises :class:`ConfigurationError` for values out of range.
     """
 
     low_pass: float = 0.3
     near: float = 0.01
     min_alpha: float = 1 / 255
-    stop: float = 1e-4
 
     def __post_init__(self) -> None:
-        if not (
-            0 < self.min_alpha < MAX_ALPHA and self.near > 0 and self.low_pass >= 0 and 0 <= self.stop < 1
-        ):
+        if not (0 < self.min_alpha < MAX_ALPHA and self.near > 0 and self.low_pass >= 0):
             raise ConfigurationError(
-                f"A rasteriser needs 0 < min_alpha < {MAX_ALPHA:g}, near > 0, low_pass >= 0 and 0 <= stop < 1, got "
-                f"{self}."
+                f"A rasteriser needs 0 < min_alpha < {MAX_ALPHA:g}, near > 0 and low_pass >= 0, got {self}."
             )
 
     def render(
         self, gaussians: Gaussians, camera: Camera, background: tuple[float, float, float] = (1.0, 1.0, 1.0)
     ) -> tuple[Floats, Floats]:
-        """Image (H, W, 3) and alpha (H, W), both float32 in [0, 1]; the image has the background added."""
-        frame = forward(gaussians, camera, background, self)
-        return np.clip(frame.image, 0.0, 1.0), frame.alpha
+        """Image (H, W, 3) and alpha (H, W), both float32 in [0, 1]; the image has the background added.
+
+        Raises :class:`GeometryError` for a K that is not a pinhole's.
+        """
+        count, height, width = len(gaussians), camera.height, camera.width
+        splats, boxes = np.empty((count, SPLAT_COLUMNS), np.float32), np.empty((count, 4), np.int32)
+        given = _pack(camera, self), width, height, *_contiguous(gaussians), splats, boxes
+        run_chunks(lambda start, stop: _project(start, stop, *given), count, _FEWEST_FOR_THREADS)
+        # Sorted once, nearest first and equal depths in the Gaussians' order: so is each tile's list then.
+        shown = np.flatnonzero(boxes[:, 0] < boxes[:, 1])
+        order = shown[np.argsort(splats[shown, DEPTH], kind="stable")]
+        offsets, members = _tile_lists(order, boxes, -(-width // TILE), -(-height // TILE))
+        image, left = np.empty((height, width, 3), np.float32), np.empty((height, width), np.float32)
+        tiles = offsets, members, splats, np.asarray(background, np.float32), image, left
+        workers = 1 if count < _FEWEST_FOR_THREADS else cores()
+        run_together([partial(_composite, worker, workers, *tiles) for worker in range(workers)])
+        return np.clip(image, 0.0, 1.0), 1 - left
 
 
-@dataclass(frozen=True)
-class Frame:
-    """One rendered camera, and what :func:`backward` needs to know of it.
-
-    ``image`` (H, W, 3) with the background, not clipped; ``alpha`` (H, W) in [0, 1]. The rest is the rasteriser's
-    own: ``splats`` (N, 12) projected Gaussians, ``boxes`` (N, 4) their tiles, ``offsets`` (tiles + 1,) and
-    ``members`` (entries,) each tile's Gaussians, nearest first.
-    """
-
-    gaussians: Gaussians
-    camera: Camera
-    rasteriser: Rasteriser
-    image: Floats
-    alpha: Floats
-    splats: Floats
-    boxes: NDArray[np.int32]
-    offsets: NDArray[np.int64]
-    members: NDArray[np.int32]
-
-
-@dataclass(frozen=True)
-class GaussianGradients:
-    """A loss's gradients, each in the shape of the field of :class:`Gaussians` of the same name, float32."""
-
-    centres: Floats
-    log_scales: Floats
-    rotations: Floats
-    opacity_logits: Floats
-    sh_dc: Floats
-
-
-def forward(
-    gaussians: Gaussians,
-    camera: Camera,
-    background: tuple[float, float, float] = (1.0, 1.0, 1.0),
-    rasteriser: Rasteriser = Rasteriser(),
-) -> Frame:
-    """Render, and keep what the gradients need. Raises :class:`GeometryError` for a K that is not a pinhole's."""
-    count, height, width = len(gaussians), camera.height, camera.width
-    packed = _pack(camera, rasteriser)
-    centres, log_scales, rotations, logits, sh_dc, sh_rest = _contiguous(gaussians)
-    splats = np.empty((count, SPLAT_COLUMNS), np.float32)
-    boxes = np.empty((count, 4), np.int32)
-
-    def project_some(start: int, stop: int) -> None:
-        given = centres, log_scales, rotations, logits, sh_dc, sh_rest
-        project(start, stop, packed, width, height, *given, splats, boxes)
-
-    run_chunks(project_some, count, _FEWEST_FOR_THREADS)
-    # Sorted once, nearest first and equal depths in the Gaussians' order: so is each tile's list then.
-    shown = np.flatnonzero(boxes[:, 0] < boxes[:, 1])
-    order = shown[np.argsort(splats[shown, DEPTH], kind="stable")]
-    offsets, members = _tile_lists(order, boxes, -(-width // TILE), -(-height // TILE))
-    image = np.empty((height, width, 3), np.float32)
-    left = np.empty((height, width), np.float32)
-    colour, stop = np.asarray(background, np.float32), np.float32(rasteriser.stop)
-    parts = _parts(count)
-    run_together(
-        [
-            partial(composite, part, parts, offsets, members, splats, colour, stop, image, left)
-            for part in range(parts)
-        ]
-    )
-    return Frame(gaussians, camera, rasteriser, image, 1 - left, splats, boxes, offsets, members)
-
-
-def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> GaussianGradients:
-    """Gradients of a loss from its gradients ``to_image`` (H, W, 3) and ``to_alpha`` (H, W) at a frame.
-
-    They are those of the unclipped image, of centres in the frame of the Gaussians. Of the colour only the
-    constant harmonic is differentiated: ``sh_rest`` is rendered, but neither it nor the centres' share in the
-    direction of view gets a gradient. Raises :class:`GeometryError` for a gradient of another size.
-    """
-    gaussians, boxes = frame.gaussians, frame.boxes
-    count, shape = len(gaussians), frame.alpha.shape
-    to_image = np.ascontiguousarray(to_image, np.float32)
-    to_alpha = np.zeros(shape, np.float32) if to_alpha is None else np.ascontiguousarray(to_alpha, np.float32)
-    if to_image.shape != (*shape, 3) or to_alpha.shape != shape:
-        raise GeometryError(
-            f"A frame of {shape} pixels needs gradients of {(*shape, 3)} and {shape}, "
-            f"got {to_image.shape} and {to_alpha.shape}."
-        )
-    first = np.zeros(count + 1, np.int64)
-    np.cumsum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), out=first[1:])
-    sums = np.zeros((len(frame.members), SUMS), np.float32)
-    stop, left = np.float32(frame.rasteriser.stop), 1 - frame.alpha
-    lists = frame.offsets, frame.members, boxes, frame.splats, first
-    parts = _parts(count)
-    run_together(
-        [
-            partial(composite_back, part, parts, *lists, stop, frame.image, left, to_image, to_alpha, sums)
-            for part in range(parts)
-        ]
-    )
-    packed = _pack(frame.camera, frame.rasteriser)
-    centres, log_scales, rotations, *_ = _contiguous(gaussians)
-    found = [
-        np.zeros(size, np.float32) for size in ((count, 3), (count, 3), (count, 4), (count,), (count, 3))
-    ]
-
-    def project_some(start: int, stop: int) -> None:
-        project_back(start, stop, packed, centres, log_scales, rotations, frame.splats, first, sums, *found)
-
-    run_chunks(project_some, count, _FEWEST_FOR_THREADS)
-    return GaussianGradients(*found)
+def _contiguous(of: Gaussians) -> list[Floats]:
+    """Contiguous centres, log-scales, rotations, logits, constant and higher harmonics; (0, 0) without the last."""
+    rest = np.zeros((0, 0), np.float32) if of.sh_rest is None else of.sh_rest
+    arrays = (of.centres, of.log_scales, of.rotations, of.opacity_logits, of.sh_dc, rest)
+    return [np.ascontiguousarray(array) for array in arrays]
 
 
 def _pack(camera: Camera, rasteriser: Rasteriser) -> Floats:
-    """The camera as the kernels read it, see ``rasteriser_projection.ROTATION`` and the following."""
+    """The camera as the kernels read it, see :data:`ROTATION` and the following."""
     K, pose = camera.K, camera.camera_from_world
     if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
         raise GeometryError(
@@ -205,18 +113,6 @@ def _pack(camera: Camera, rasteriser: Rasteriser) -> Floats:
     limits = [low[0], high[0], low[1], high[1], rasteriser.low_pass, rasteriser.near, rasteriser.min_alpha]
     packed = [*pose[:3, :3].ravel(), *pose[:3, 3], *intrinsics, *camera.position, *limits]
     return np.array(packed, dtype=np.float32)
-
-
-def _contiguous(of: Gaussians) -> list[Floats]:
-    """What the kernels read: centres, log-scales, rotations, logits, constant and higher harmonics (none: (0, 0))."""
-    rest = np.zeros((0, 0), np.float32) if of.sh_rest is None else of.sh_rest
-    arrays = (of.centres, of.log_scales, of.rotations, of.opacity_logits, of.sh_dc, rest)
-    return [np.ascontiguousarray(array) for array in arrays]
-
-
-def _parts(count: int) -> int:
-    """Into how many parts the tiles are divided."""
-    return 1 if count < _FEWEST_FOR_THREADS else cores()
 
 
 @compiled
@@ -241,69 +137,28 @@ def _tile_lists(
 
 
 @compiled
-def row_range(
-    splat: Floats,
-    low: int,
-    high: int,
-) -> tuple[int, int]:
-    """First and last row within ``low`` <= y < ``high`` whose pixel centres the ellipse reaches."""
-    half = np.float32(0.5)
-    tall = math.sqrt(np.float32(2.0) * splat[REACH] * splat[CONIC_A] / splat[CONIC_DET])
-    first = int(max(np.ceil(splat[V] - tall - half), np.float32(low)))
-    last = int(min(np.floor(splat[V] + tall - half), np.float32(high - 1)))
-    return first, last
-
-
-@compiled
-def row_span(
-    u: Real,
-    room: Real,
-    shift: Real,
-    inverse_a: Real,
-    low: int,
-    high: int,
-) -> tuple[int, int, Real]:
-    """One row of an ellipse: first and last column within ``low`` <= x < ``high`` (last < first when empty), and t.
-
-    With t = dx + (B / A) dy the exponent is -1/2 (A t t + (det / A) dy dy), without a mixed term that cancels;
-    ``shift`` is (B / A) dy and ``room`` what the second term leaves of REACH. t is that of the first pixel.
-    """
-    half = np.float32(0.5)
-    reach = math.sqrt(np.float32(2.0) * room * inverse_a)
-    middle = u - shift - half
-    first = int(max(np.ceil(middle - reach), np.float32(low)))
-    last = int(min(np.floor(middle + reach), np.float32(high - 1)))
-    return first, last, np.float32(first) - middle
-
-
-SUMS = 9
-"""What a tile knows of one Gaussian's gradient, p = alpha d loss / d alpha summed over its pixels: p, p dx, p dy,
-p dx dx, p dx dy, p dy dy, then the gradients of red, green, blue."""
-
-
-@compiled
-def composite(
-    part: int,
-    parts: int,
+def _composite(
+    worker: int,
+    workers: int,
     offsets: Ints,
     members: Ints,
     splats: Floats,
     background: Floats,
-    stop: Real,
     image: Floats,
     left: Floats,
 ) -> None:
-    """Paint the tiles ``part``, ``part + parts``, ...; ``members`` of a tile are nearest first.
+    """Paint the tiles ``worker``, ``worker + workers``, ...; ``members`` of a tile are nearest first.
 
     Writes ``image`` (H, W, 3), unclipped and with the background, and ``left`` (H, W), the light still passing.
+    With t = dx + (B / A) dy the exponent is -1/2 (A t t + (det / A) dy dy), without a mixed term that cancels.
     """
     height, width = left.shape
     across = (width + TILE - 1) // TILE
-    one, half = np.float32(1.0), np.float32(0.5)
+    one, two, half = np.float32(1.0), np.float32(2.0), np.float32(0.5)
     # Unsigned indices spare numba the test for negative ones.
     light, colour = np.empty(TILE * TILE, np.float32), np.empty((TILE * TILE, 3), np.float32)
     open_in_row = np.empty(TILE, np.uint32)  # a bit for each pixel that still lets light pass
-    for tile in range(part, len(offsets) - 1, parts):
+    for tile in range(worker, len(offsets) - 1, workers):
         x0, y0 = (tile % across) * TILE, (tile // across) * TILE
         x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
         light[:] = one
@@ -319,7 +174,9 @@ def composite(
             inverse_a = one / a
             lean, flat = splat[CONIC_B] * inverse_a, half * splat[CONIC_DET] * inverse_a
             shrink = math.exp(-a)
-            top, bottom = row_range(splat, y0, y1)
+            tall = math.sqrt(two * reach * a / splat[CONIC_DET])
+            top = int(max(np.ceil(v - tall - half), np.float32(y0)))
+            bottom = int(min(np.floor(v + tall - half), np.float32(y1 - 1)))
             for y in range(top, bottom + 1):
                 if open_in_row[y - y0] == 0:
                     continue
@@ -327,7 +184,11 @@ def composite(
                 down = flat * dy * dy
                 if not down < reach:
                     continue
-                first, last, t = row_span(u, reach - down, lean * dy, inverse_a, x0, x1)
+                wide = math.sqrt(two * (reach - down) * inverse_a)
+                middle = u - lean * dy - half
+                first = int(max(np.ceil(middle - wide), np.float32(x0)))
+                last = int(min(np.floor(middle + wide), np.float32(x1 - 1)))
+                t = np.float32(first) - middle
                 if first > last or not (open_in_row[y - y0] >> np.uint32(first - x0)) & (
                     (np.uint32(2) << np.uint32(last - first)) - np.uint32(1)
                 ):
@@ -338,14 +199,14 @@ def composite(
                 start = row + np.uint64(first - x0)
                 for k in range(start, start + np.uint64(last + 1 - first)):
                     passing = light[k]
-                    if passing > stop:
+                    if passing > STOP:
                         weight = passing * min(alpha, MAX_ALPHA)
                         colour[k, 0] += weight * red
                         colour[k, 1] += weight * green
                         colour[k, 2] += weight * blue
                         passing -= weight
                         light[k] = passing
-                        if passing <= stop:
+                        if passing <= STOP:
                             open_in_row[y - y0] &= ~(np.uint32(1) << np.uint32(k - row))
                             still_open -= 1
                     alpha *= ratio
@@ -358,112 +219,151 @@ def composite(
                     image[y, x, channel] = colour[k, channel] + light[k] * background[channel]
 
 
-@compiled
-def composite_back(
-    part: int,
-    parts: int,
-    offsets: Ints,
-    members: Ints,
-    boxes: Ints,
-    splats: Floats,
-    first_entry: Ints,
-    stop: Real,
-    image: Floats,
-    left: Floats,
-    to_image: Floats,
-    to_alpha: Floats,
-    partial: Floats,
-) -> None:
-    """Write ``partial`` (entries, 9), see ``SUMS``, for the tiles ``part``, ``part + parts``, ...
+def harmonics(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
+    """The 15 values at a unit direction: of numbers, arrays alike, and inside compiled loops."""
+    xx, yy, zz = x * x, y * y, z * z
+    return (
+        -0.4886025119 * y,
+        0.4886025119 * z,
+        -0.4886025119 * x,
+        1.0925484306 * x * y,
+        -1.0925484306 * y * z,
+        0.3153915653 * (2 * zz - xx - yy),
+        -1.0925484306 * x * z,
+        0.5462742153 * (xx - yy),
+        -0.5900435899 * y * (3 * xx - yy),
+        2.8906114426 * x * y * z,
+        -0.4570457995 * y * (4 * zz - xx - yy),
+        0.3731763326 * z * (2 * zz - 3 * xx - 3 * yy),
+        -0.4570457995 * x * (4 * zz - xx - yy),
+        1.4453057213 * z * (xx - yy),
+        -0.5900435899 * x * (xx - 3 * yy),
+    )
 
-    ``to_image`` (H, W, 3) and ``to_alpha`` (H, W) are the loss's gradients at the image and at alpha = 1 - left.
+
+@compiled
+def _project(
+    start: int,
+    stop: int,
+    camera: Floats,
+    width: int,
+    height: int,
+    centres: Floats,
+    log_scales: Floats,
+    rotations: Floats,
+    logits: Floats,
+    sh_dc: Floats,
+    sh_rest: Floats,
+    splats: Floats,
+    boxes: Ints,
+) -> None:
+    """Project Gaussians ``start`` to ``stop``.
+
+    Writes ``splats`` (N, 11) and ``boxes`` (N, 4), the first and last-plus-one tile column, then row, empty for a
+    Gaussian that is not seen.
     """
-    height, width = left.shape
-    across = (width + TILE - 1) // TILE
-    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
-    light, rest = np.empty(TILE * TILE, np.float32), np.empty(TILE * TILE, np.float32)
-    slope = np.empty((TILE * TILE, 3), np.float32)
-    open_in_row = np.empty(TILE, np.uint32)  # a bit for each pixel that still lets light pass
-    for tile in range(part, len(offsets) - 1, parts):
-        begin, end = offsets[tile], offsets[tile + 1]
-        if begin == end:
+    low_pass, near, min_alpha = camera[LOW_PASS], camera[NEAR], camera[MIN_ALPHA]
+    axes, image = np.empty((3, 3), np.float32), np.empty((2, 3), np.float32)
+    one, two, half = np.float32(1.0), np.float32(2.0), np.float32(0.5)
+    for i in range(start, stop):
+        boxes[i, 0] = boxes[i, 1] = boxes[i, 2] = boxes[i, 3] = 0
+        cx, cy, cz = centres[i, 0], centres[i, 1], centres[i, 2]
+        x = camera[0] * cx + camera[1] * cy + camera[2] * cz + camera[9]
+        y = camera[3] * cx + camera[4] * cy + camera[5] * cz + camera[10]
+        z = camera[6] * cx + camera[7] * cy + camera[8] * cz + camera[11]
+        if not z > near:
             continue
-        tile_column, tile_row = tile % across, tile // across
-        x0, y0 = tile_column * TILE, tile_row * TILE
-        x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
-        light[:] = one
-        open_in_row[:] = (np.uint32(1) << np.uint32(x1 - x0)) - np.uint32(1)
-        still_open = (x1 - x0) * (y1 - y0)
-        for y in range(y0, y1):
-            for x in range(x0, x1):
-                k = (y - y0) * TILE + x - x0
-                rest[k] = -to_alpha[y, x] * left[y, x]
-                for channel in range(3):
-                    slope[k, channel] = to_image[y, x, channel]
-                    rest[k] += to_image[y, x, channel] * image[y, x, channel]
-        for entry in range(begin, end):
-            if still_open == 0:
-                break
-            i = members[entry]
-            splat = splats[i]
-            u, v, a, opacity, reach = splat[U], splat[V], splat[CONIC_A], splat[OPACITY], splat[REACH]
-            red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-            inverse_a = one / a
-            lean, flat = splat[CONIC_B] * inverse_a, half * splat[CONIC_DET] * inverse_a
-            shrink = math.exp(-a)
-            top, bottom = row_range(splat, y0, y1)
-            s0 = sx = sy = sxx = sxy = syy = to_red = to_green = to_blue = zero
-            for y in range(top, bottom + 1):
-                if open_in_row[y - y0] == 0:
-                    continue
-                dy = np.float32(y) + half - v
-                down = flat * dy * dy
-                if not down < reach:
-                    continue
-                first, last, t = row_span(u, reach - down, lean * dy, inverse_a, x0, x1)
-                if first > last or not (open_in_row[y - y0] >> np.uint32(first - x0)) & (
-                    (np.uint32(2) << np.uint32(last - first)) - np.uint32(1)
-                ):
-                    continue
-                alpha = opacity * math.exp(-half * a * t * t - down)
-                ratio = math.exp(-a * (t + half))
-                dx = t - lean * dy
-                r0 = rx = rxx = zero
-                row = np.uint64((y - y0) * TILE)
-                start = row + np.uint64(first - x0)
-                for k in range(start, start + np.uint64(last + 1 - first)):
-                    passing = light[k]
-                    if passing > stop:
-                        used = min(alpha, MAX_ALPHA)
-                        weight = passing * used
-                        g_red, g_green, g_blue = slope[k, 0], slope[k, 1], slope[k, 2]
-                        shade = g_red * red + g_green * green + g_blue * blue
-                        behind = rest[k] - weight * shade
-                        rest[k] = behind
-                        to_red += weight * g_red
-                        to_green += weight * g_green
-                        to_blue += weight * g_blue
-                        if alpha <= MAX_ALPHA:
-                            p = alpha * (passing * shade - behind / (one - used))
-                            r0 += p
-                            rx += p * dx
-                            rxx += p * dx * dx
-                        passing -= weight
-                        light[k] = passing
-                        if passing <= stop:
-                            open_in_row[y - y0] &= ~(np.uint32(1) << np.uint32(k - row))
-                            still_open -= 1
-                    alpha *= ratio
-                    ratio *= shrink
-                    dx += one
-                s0 += r0
-                sx += rx
-                sy += r0 * dy
-                sxx += rxx
-                sxy += rx * dy
-                syy += r0 * dy * dy
-            columns = boxes[i, 1] - boxes[i, 0]
-            at = first_entry[i] + (tile_row - boxes[i, 2]) * columns + tile_column - boxes[i, 0]
-            partial[at, 0], partial[at, 1], partial[at, 2] = s0, sx, sy
-            partial[at, 3], partial[at, 4], partial[at, 5] = sxx, sxy, syy
-            partial[at, 6], partial[at, 7], partial[at, 8] = to_red, to_green, to_blue
+        opacity = one / (one + math.exp(-logits[i]))
+        if not opacity > min_alpha:
+            continue
+        _axes(log_scales[i], rotations[i], MOST_SPREAD * z, axes)
+        # V = J W L; far outside the image J is taken at its margin, as in 3DGS.
+        slope_x = min(max(x / z, camera[SLOPES]), camera[SLOPES + 1])
+        slope_y = min(max(y / z, camera[SLOPES + 2]), camera[SLOPES + 3])
+        k00, k01, k11 = camera[INTRINSICS], camera[INTRINSICS + 1], camera[INTRINSICS + 3]
+        image[:] = np.float32(0.0)
+        for j in range(3):
+            along_x = (camera[j] - slope_x * camera[6 + j]) * (one / z)
+            along_y = (camera[3 + j] - slope_y * camera[6 + j]) * (one / z)
+            for k in range(3):
+                image[0, k] += (k00 * along_x + k01 * along_y) * axes[j, k]
+                image[1, k] += k11 * along_y * axes[j, k]
+        xx, yy = (image[0] * image[0]).sum(), (image[1] * image[1]).sum()
+        xy = (image[0] * image[1]).sum()
+        c0 = image[0, 1] * image[1, 2] - image[0, 2] * image[1, 1]
+        c1 = image[0, 2] * image[1, 0] - image[0, 0] * image[1, 2]
+        c2 = image[0, 0] * image[1, 1] - image[0, 1] * image[1, 0]
+        det = c0 * c0 + c1 * c1 + c2 * c2 + low_pass * (xx + yy) + low_pass * low_pass
+        if not (det > 0 and det < np.inf):  # flat and edge-on without a low-pass
+            continue
+        xx, yy = xx + low_pass, yy + low_pass
+        u = k00 * x / z + k01 * y / z + camera[INTRINSICS + 2]
+        v = k11 * y / z + camera[INTRINSICS + 4]
+        # The pixels whose centres (k + 0.5) lie in the box around the ellipse where alpha reaches min_alpha.
+        reach = math.log(opacity / min_alpha)
+        half_u, half_v = math.sqrt(two * reach * xx), math.sqrt(two * reach * yy)
+        left, right = np.ceil(u - half_u - half), np.floor(u + half_u - half)
+        top, bottom = np.ceil(v - half_v - half), np.floor(v + half_v - half)
+        if not (
+            left <= right and top <= bottom and right >= 0 and bottom >= 0 and left < width and top < height
+        ):
+            continue
+        boxes[i, 0], boxes[i, 1] = int(max(left, 0)) // TILE, int(min(right, width - 1)) // TILE + 1
+        boxes[i, 2], boxes[i, 3] = int(max(top, 0)) // TILE, int(min(bottom, height - 1)) // TILE + 1
+        splats[i, U], splats[i, V], splats[i, DEPTH] = u, v, z
+        splats[i, CONIC_A], splats[i, CONIC_B], splats[i, CONIC_DET] = yy / det, -xy / det, one / det
+        splats[i, OPACITY], splats[i, REACH] = opacity, reach
+        _colour(camera, centres[i], sh_dc[i], sh_rest, i, splats[i])
+
+
+@compiled
+def _axes(log_scale: Floats, rotation: Floats, most: Real, axes: Floats) -> None:
+    """Write L = R S (3, 3), one axis of the Gaussian a column, none longer than ``most``."""
+    w, x, y, q = rotation[0], rotation[1], rotation[2], rotation[3]
+    one, two = np.float32(1.0), np.float32(2.0)
+    inverse = one / math.sqrt(w * w + x * x + y * y + q * q)
+    w, x, y, q = w * inverse, x * inverse, y * inverse, q * inverse
+    a = min(math.exp(log_scale[0]), most)
+    b = min(math.exp(log_scale[1]), most)
+    c = min(math.exp(log_scale[2]), most)
+    axes[0, 0] = (one - two * (y * y + q * q)) * a
+    axes[1, 0] = two * (x * y + w * q) * a
+    axes[2, 0] = two * (x * q - w * y) * a
+    axes[0, 1] = two * (x * y - w * q) * b
+    axes[1, 1] = (one - two * (x * x + q * q)) * b
+    axes[2, 1] = two * (y * q + w * x) * b
+    axes[0, 2] = two * (x * q + w * y) * c
+    axes[1, 2] = two * (y * q - w * x) * c
+    axes[2, 2] = (one - two * (x * x + y * y)) * c
+
+
+_harmonics = compiled(harmonics)
+
+
+@compiled
+def _colour(
+    camera: Floats,
+    centre: Floats,
+    sh_dc: Floats,
+    sh_rest: Floats,
+    i: int,
+    splat: Floats,
+) -> None:
+    """Colour >= 0 towards the camera, from spherical harmonics up to degree 3 in the order of 3DGS."""
+    for k in range(3):
+        splat[RED + k] = np.float32(0.5) + SH_C0 * sh_dc[k]
+    count = sh_rest.shape[1] // 3
+    if count > 0:
+        x, y, z = centre[0] - camera[EYE], centre[1] - camera[EYE + 1], centre[2] - camera[EYE + 2]
+        inverse = np.float32(1.0) / math.sqrt(
+            x * x + y * y + z * z
+        )  # not zero: z > near in the camera's frame
+        x, y, z = x * inverse, y * inverse, z * inverse
+        basis = _harmonics(x, y, z)
+        for k in range(3):
+            total = 0.0
+            for j in range(count):
+                total += basis[j] * sh_rest[i, k * count + j]
+            splat[RED + k] += np.float32(total)
+    for k in range(3):
+        splat[RED + k] = max(splat[RED + k], np.float32(0.0))

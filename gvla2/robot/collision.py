@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, box_corners
@@ -21,6 +20,9 @@ from gvla2.robot.kinematics import Kinematics, library
 
 TABLE = "table"
 """The name of the supporting plane in ``allowed_contacts`` and in :class:`Clearance`."""
+
+KEPT = 12
+"""Number of the latest checkers that are kept."""
 
 
 class CollisionChecker:
@@ -42,14 +44,14 @@ class CollisionChecker:
 
     @cached_property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """The checked pairs; the first ``n_world`` have a part of the scene as the second."""
-        names = [_part(o) for o in self._geometry.geometryObjects]
+        """The checked pairs; the first ``n_world`` have an object of the scene or the table as the second."""
+        names = [_link(o) for o in self._geometry.geometryObjects]
         return tuple((names[p.first], names[p.second]) for p in self._geometry.collisionPairs)
 
     def set_margins(self, margins: float | FloatArray) -> None:
-        """How far (metres) the parts of each world pair must stay apart: one for all, or (n_world,).
+        """Distances (metres) to keep for each world pair: one for all, or (n_world,).
 
-        Negative margins tolerate that much penetration; the arm's own parts only must not touch.
+        Negative margins tolerate that much penetration; the arm's own links must just not touch.
         """
         values = np.broadcast_to(np.asarray(margins, dtype=np.float64), (self.n_world,))
         if np.array_equal(values, self._margins):
@@ -70,10 +72,10 @@ class CollisionChecker:
 
         They are checked in bisecting order, so that a blocked path is found early.
         """
-        return next((int(i) for i in _bisecting(len(path)) if not self.free(path[i])), None)
+        return next((i for i in _bisecting(len(path)) if not self.free(path[i])), None)
 
     def distances(self, joints: FloatArray) -> FloatArray:
-        """(pairs,) signed distances in metres, negative where the parts overlap."""
+        """(pairs,) signed distances in metres, negative where the two overlap."""
         if not len(self._geometry.collisionPairs):
             return np.empty(0)
         self._q[self._index] = joints
@@ -103,16 +105,14 @@ class CollisionModel:
         self,
         kinematics: Kinematics,
         urdf: Path,
-        package_dirs: Sequence[Path],
         *,
         hand_links: Sequence[str],
         srdf: Path | None = None,
-        kept: int = 12,
     ) -> None:
         self._kinematics = kinematics
-        self._robot = link_geometry(kinematics, urdf, package_dirs)
+        self._robot = link_geometry(kinematics, urdf)
         self._hand = frozenset(hand_links)
-        solids = [(_part(o), o.parentJoint) for o in self._robot.geometryObjects]
+        solids = [(_link(o), o.parentJoint) for o in self._robot.geometryObjects]
         close = usually_close(kinematics, self._robot, self._hand)
         listed = set() if srdf is None else disabled(srdf)
         named = {link for pair in listed for link in pair}
@@ -125,8 +125,6 @@ class CollisionModel:
         ]
         self._data = kinematics.model.createData()  # of one configuration, for any checker
         self._checkers: OrderedDict[object, CollisionChecker] = OrderedDict()
-        self._scene: tuple[Scene | None, object] = None, None
-        self._kept = kept
 
     def checker(
         self,
@@ -136,14 +134,14 @@ class CollisionModel:
         attached: Attachment | None = None,
     ) -> CollisionChecker:
         """A checker with zero margins; see :meth:`gvla2.planning.arm.Arm.clearance` for the arguments."""
-        if self._scene[0] is not scene:
-            self._scene = scene, _scene_key(scene)
-        key = (self._scene[1], round(gripper, 4), allowed_contacts, _attachment_key(attached))
+        solids = tuple(_object_key(obj) for obj in scene.obstacles())
+        held = attached and (*_object_key(attached.object), attached.tcp_from_object.tobytes())
+        key = (scene.table_height, solids, round(gripper, 4), allowed_contacts, held)
         checker = self._checkers.get(key)
         if checker is None:
             checker = self._build(scene, gripper, allowed_contacts, attached)
             self._checkers[key] = checker
-            if len(self._checkers) > self._kept:
+            if len(self._checkers) > KEPT:
                 self._checkers.popitem(last=False)
         self._checkers.move_to_end(key)
         checker.set_margins(0.0)
@@ -154,7 +152,7 @@ class CollisionModel:
     ) -> CollisionChecker:
         pin = library("pinocchio")
         geometry = self._robot.copy()
-        links = [(i, _part(o)) for i, o in enumerate(geometry.geometryObjects)]
+        links = [(i, _link(o)) for i, o in enumerate(geometry.geometryObjects)]
         still = {i for i, o in enumerate(geometry.geometryObjects) if o.parentJoint == 0}
         self_pairs = list(self._self_pairs)
         hand = self._hand
@@ -176,8 +174,8 @@ class CollisionModel:
         n_world = 0
         for name, solid, placement in world:
             index = geometry.addGeometryObject(pin.GeometryObject(name, 0, 0, pin.SE3(placement), solid))
-            for i, part in links:
-                if i in still or (part in hand and name in allowed):
+            for i, link in links:
+                if i in still or (link in hand and name in allowed):
                     continue
                 geometry.addCollisionPair(pin.CollisionPair(i, index))
                 n_world += 1
@@ -186,7 +184,7 @@ class CollisionModel:
         return CollisionChecker(self._kinematics, self._data, geometry, gripper, n_world)
 
 
-def _part(solid: Any) -> str:
+def _link(solid: Any) -> str:
     return str(solid.name)
 
 
@@ -212,37 +210,21 @@ def _object_key(item: SceneObject) -> tuple[object, ...]:
     return (item.id, item.shape, item.world_from_object.tobytes(), item.extents.tobytes())
 
 
-def _scene_key(scene: Scene) -> tuple[object, ...]:
-    return (scene.table_height, *(_object_key(o) for o in scene.obstacles()))
-
-
-def _attachment_key(attached: Attachment | None) -> tuple[object, ...] | None:
-    return None if attached is None else (*_object_key(attached.object), attached.tcp_from_object.tobytes())
-
-
-def _bisecting(count: int) -> NDArray[np.intp]:
+def _bisecting(count: int) -> list[int]:
     """0..count-1 in bit-reversed order, which bisects the range again and again."""
-    if count <= 2:
-        return np.arange(count)
-    bits = int(np.ceil(np.log2(count)))
-    codes = np.arange(1 << bits)
-    reverse = np.zeros_like(codes)
-    for bit in range(bits):
-        reverse |= ((codes >> bit) & 1) << (bits - 1 - bit)
-    return np.asarray(reverse[reverse < count], dtype=np.intp)
+    bits = count.bit_length()
+    return sorted(range(count), key=lambda index: f"{index:0{bits}b}"[::-1])
 
 
-def link_geometry(kinematics: Kinematics, urdf: Path, package_dirs: Sequence[Path]) -> Any:
+def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
     """A pinocchio ``GeometryModel`` in the world: solids are named by their link, and names may repeat.
 
-    Round primitives (spheres, cylinders, capsules) are kept: exact, and faster than a hull. Raises :class:`RobotError`
-    when a mesh can't be read.
+    Round primitives (spheres, cylinders, capsules) are kept: exact, and faster than a hull; a link's meshes and boxes
+    become their convex hull. Raises :class:`RobotError` when a mesh can't be read.
     """
-    pin, folders = library("pinocchio"), [str(folder) for folder in package_dirs]
+    pin, coal = library("pinocchio"), library("coal")
     try:
-        source = pin.buildGeomFromUrdf(
-            kinematics.model, str(urdf), pin.GeometryType.COLLISION, package_dirs=folders
-        )
+        source = pin.buildGeomFromUrdf(kinematics.model, str(urdf), pin.GeometryType.COLLISION)
     except ValueError as error:
         raise RobotError(f"The collision meshes of {urdf.name} can't be read: {error}") from error
     merged = pin.GeometryModel()
@@ -253,33 +235,20 @@ def link_geometry(kinematics: Kinematics, urdf: Path, package_dirs: Sequence[Pat
 
     corners: dict[int, list[FloatArray]] = defaultdict(list)
     for solid in source.geometryObjects:
-        points = _corners(solid.geometry)
-        if points is None:
-            add(solid.parentFrame, solid.placement, solid.geometry)
+        shape, pose = solid.geometry, solid.placement
+        if isinstance(shape, coal.BVHModelBase):
+            points = np.array(shape.vertices(), dtype=np.float64).reshape(-1, 3)
+        elif isinstance(shape, coal.Box):
+            points = box_corners(2.0 * shape.halfSide)
         else:
-            pose = solid.placement
-            corners[solid.parentFrame].append(points @ pose.rotation.T + pose.translation)
-    for frame, parts in corners.items():
-        add(frame, pin.SE3.Identity(), _hull(np.concatenate(parts)))
+            add(solid.parentFrame, pose, shape)
+            continue
+        corners[solid.parentFrame].append(points @ pose.rotation.T + pose.translation)
+    for frame, pieces in corners.items():
+        vertices = coal.StdVec_Vec3s()
+        vertices.extend(np.concatenate(pieces))
+        add(frame, pin.SE3.Identity(), coal.Convex.convexHull(vertices, True, "Qt"))
     return merged
-
-
-def _corners(shape: Any) -> FloatArray | None:
-    """Points (N, 3) whose hull contains a mesh or box; None for round primitives."""
-    coal = library("coal")
-    if isinstance(shape, coal.BVHModelBase):
-        return np.array(shape.vertices(), dtype=np.float64).reshape(-1, 3)
-    if isinstance(shape, coal.Box):
-        return box_corners(2.0 * shape.halfSide)
-    return None
-
-
-def _hull(points: FloatArray) -> Any:
-    coal = library("coal")
-    vertices = coal.StdVec_Vec3s()
-    for point in points:
-        vertices.append(point)
-    return coal.Convex.convexHull(vertices, True, "Qt")
 
 
 Pair = frozenset[str]

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import MissingDependencyError, RobotError
-from gvla2.geometry.transform import FloatArray, check_rigid
-from gvla2.robot.descent import chain_of
+from gvla2.geometry.transform import FloatArray
 
 _PURPOSES = {
     "pinocchio": "An arm's kinematics",
@@ -43,12 +42,12 @@ class Finger:
 
 
 class Kinematics:
-    """An arm of single-axis joints: joint limits, tool pose, Jacobian.
+    """An arm of single-axis joints: joint limits and tool pose.
 
-    ``world_from_base`` (4, 4) places the URDF's root; ``tcp_frame`` names a frame of the URDF and ``frame_from_tcp``
-    (4, 4) the tool centre point in it. Joints are the URDF's movable ones except the fingers', in its order.
-    ``limit_margin`` (radians) is kept free at both ends of each joint's range. Not safe to share between threads.
-    Raises :class:`RobotError` for a URDF that does not fit.
+    ``world_from_base`` (4, 4) places the URDF's root; ``tool_link`` is a link of the URDF and ``link_from_tcp`` (4, 4)
+    the tool centre point in it. Joints are the URDF's movable ones except the fingers', in its order. ``limit_margin``
+    (radians) is kept free at both ends of each joint's range. ``model`` is pinocchio's with fingers, ``arm`` without.
+    Not safe to share between threads. Raises :class:`RobotError` for a URDF that does not fit.
     """
 
     def __init__(
@@ -56,55 +55,45 @@ class Kinematics:
         urdf: Path,
         *,
         world_from_base: FloatArray,
-        tcp_frame: str,
-        frame_from_tcp: FloatArray,
+        tool_link: str,
+        link_from_tcp: FloatArray,
         fingers: Sequence[Finger] = (),
         limit_margin: float = 0.01,
     ) -> None:
         self._pin = pin = library("pinocchio")
-        if not urdf.is_file():
-            raise RobotError(f"No robot description at {urdf}.")
         self.model = pin.buildModelFromUrdf(str(urdf))
-        self.world_from_base: FloatArray = check_rigid(world_from_base, "world_from_base")
-        _place_base(self.model, pin.SE3(self.world_from_base))
-        joints = list(self.model.names)[1:]
-        missing = [f.joint for f in fingers if f.joint not in joints]
-        if missing:
-            raise RobotError(f"{urdf.name} has no joint {missing}; it has {joints}.")
+        self.world_from_base = world_from_base
+        _place_base(self.model, pin.SE3(world_from_base))
         if any(joint.nq != 1 for joint in list(self.model.joints)[1:]):
             raise RobotError(
                 f"{urdf.name} has a joint without limits or with several axes, which is not supported."
             )
-        if not self.model.existFrame(tcp_frame):
-            raise RobotError(f"{urdf.name} has no frame '{tcp_frame}'.")
-        frame = self.model.frames[self.model.getFrameId(tcp_frame)]
+        frame = self.model.frames[self.model.getFrameId(tool_link)]
         if frame.parentJoint == 0:
             raise RobotError(
-                f"No joint of {urdf.name} moves the tool's link '{tcp_frame}'; name one behind the arm's last joint."
+                f"No joint of {urdf.name} moves the tool's link '{tool_link}'; name one behind the arm's last joint."
             )
         names = {f.joint for f in fingers}
-        self.joint_names = tuple(name for name in joints if name not in names)
+        self.joint_names = tuple(name for name in list(self.model.names)[1:] if name not in names)
         self.arm_index = np.array([self._column(name) for name in self.joint_names])
         self._finger_index = np.array([self._column(f.joint) for f in fingers], dtype=np.intp)
         self._closed = np.array([f.closed for f in fingers])
         self._opened = np.array([f.opened for f in fingers])
 
         self.tcp_joint: int = frame.parentJoint
-        self.joint_from_tcp: FloatArray = frame.placement.homogeneous @ check_rigid(frame_from_tcp, "tcp")
+        self.joint_from_tcp: FloatArray = frame.placement.homogeneous @ link_from_tcp
         locked = [self.model.getJointId(f.joint) for f in fingers]
-        self._arm = pin.buildReducedModel(self.model, locked, pin.neutral(self.model))
-        tool_joint = self._arm.getJointId(self.model.names[self.tcp_joint])
-        self._tcp = self._arm.addFrame(
-            pin.Frame("gvla2_tcp", tool_joint, 0, pin.SE3(self.joint_from_tcp), pin.FrameType.OP_FRAME)
-        )
-        self._data = self._arm.createData()
+        self.arm = pin.buildReducedModel(self.model, locked, pin.neutral(self.model))
+        tool_joint = self.arm.getJointId(self.model.names[self.tcp_joint])
+        tcp = pin.Frame("gvla2_tcp", tool_joint, 0, pin.SE3(self.joint_from_tcp), pin.FrameType.OP_FRAME)
+        self.tcp: int = self.arm.addFrame(tcp)
+        self._data = self.arm.createData()
 
-        self.low: FloatArray = np.array(self._arm.lowerPositionLimit) + limit_margin
-        self.high: FloatArray = np.array(self._arm.upperPositionLimit) - limit_margin
-        self.velocity: FloatArray = np.array(self._arm.velocityLimit)
+        self.low: FloatArray = np.array(self.arm.lowerPositionLimit) + limit_margin
+        self.high: FloatArray = np.array(self.arm.upperPositionLimit) - limit_margin
+        self.velocity: FloatArray = np.array(self.arm.velocityLimit)
         if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low < self.high)).all():
             raise RobotError(f"{urdf.name} has joints without usable limits.")
-        self.chain = chain_of(self._arm, self._tcp, self.low, self.high)
 
     def _column(self, name: str) -> int:
         return int(self.model.joints[self.model.getJointId(name)].idx_q)
@@ -128,24 +117,14 @@ class Kinematics:
         links = ((i, f) for i, f in enumerate(self.model.frames) if f.type == self._pin.FrameType.BODY)
         return {str(frame.name): np.array(data.oMf[index].homogeneous) for index, frame in links}
 
-    def pose(self, joints: FloatArray) -> Any:
-        """world_from_tcp as a pinocchio SE3."""
-        self._pin.forwardKinematics(self._arm, self._data, joints)
-        return self._pin.updateFramePlacement(self._arm, self._data, self._tcp)
-
     def forward(self, joints: FloatArray) -> FloatArray:
         """world_from_tcp (4, 4) at joints (dof,)."""
-        return np.array(self.pose(np.asarray(joints, dtype=np.float64)).homogeneous)
+        self._pin.forwardKinematics(self.arm, self._data, np.asarray(joints, dtype=np.float64))
+        return np.array(self._pin.updateFramePlacement(self.arm, self._data, self.tcp).homogeneous)
 
     def positions(self, joints: FloatArray) -> FloatArray:
         """(N, 3) tool positions at joints (N, dof), metres, world."""
-        return np.array([self.pose(row).translation for row in joints]).reshape(-1, 3)
-
-    def manipulability(self, joints: FloatArray) -> float:
-        """sqrt(det(J J^T)) (Yoshikawa), 0 at a singularity."""
-        joints = np.asarray(joints, dtype=np.float64)
-        jacobian = self._pin.computeFrameJacobian(self._arm, self._data, joints, self._tcp)
-        return float(np.sqrt(max(0.0, np.linalg.det(jacobian @ jacobian.T))))
+        return np.array([self.forward(row)[:3, 3] for row in joints]).reshape(-1, 3)
 
     def limit_distance(self, joints: FloatArray) -> float:
         """Smallest distance to a joint limit, radians; negative outside."""

@@ -1,10 +1,9 @@
-"""Motion planning: from joints to a tool pose or joints, clear of the perceived scene."""
+"""Motion planning: from joints to a tool pose, clear of the perceived scene."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, Literal
@@ -32,7 +31,7 @@ class MotionFailure:
     """Why there is no path.
 
     ``unreachable``: no joints for the pose, or the straight line leaves the arm's reach; ``collision``: the
-    start, the goal or the straight line touches (``pair``: part of the robot or held object, other part);
+    start, the goal or the straight line touches (``pair``: the robot's link or the held object, and what it touches);
     ``no_path``: both ends are fine, the search found nothing between.
     """
 
@@ -83,7 +82,7 @@ class MotionPlanner:
         then: Sequence[FloatArray] = (),
         seed: int = 0,
     ) -> MotionPath | MotionFailure:
-        """A path from joints ``start`` (dof,) to ``goal``: a tool pose (4, 4), or joints (dof,) for free motions.
+        """A path from joints ``start`` (dof,) to the tool pose ``goal`` (4, 4).
 
         ``gripper`` is the opening in [0, 1] on the way. ``then`` are tool poses (4, 4) to reach by straight moves
         afterwards: goal joints from which these are possible are preferred. The same arguments give the same path.
@@ -148,23 +147,16 @@ class _Query:
 
     def _goals(self, goal: FloatArray, then: Sequence[FloatArray]) -> list[_Goal] | MotionFailure:
         """Goal joints free of collisions, best first: with later moves, with the full margin, near the start."""
-        goal = np.asarray(goal, dtype=np.float64)
-        if goal.ndim == 1:
-            low, high = self.arm.limits
-            if (goal < low - 1e-9).any() or (goal > high + 1e-9).any():
-                return MotionFailure("unreachable", "The goal joints are outside the joint limits.")
-            found = [goal]
-        else:
-            found = [s.joints for s in self.arm.ik.solutions(goal, self.start, self.options.goals)]
-            if not found:
-                return MotionFailure("unreachable", f"No joints put the tool at {_place(goal)}.")
+        found = self.arm.ik.solutions(goal, self.start, self.options.goals)
+        if not found:
+            return MotionFailure("unreachable", f"No joints put the tool at {_place(goal)}.")
         goals, reasons = [], []
-        for joints in found:
-            distances = self.checker.distances(joints)
+        for solution in found:
+            distances = self.checker.distances(solution.joints)
             if blocked := self._goal_blocked(distances):
                 reasons.append(blocked)
             else:
-                goals.append(_Goal(joints, distances))
+                goals.append(_Goal(solution.joints, distances))
         if not goals:
             return reasons[0]
         world, margin = self.checker.n_world, self.options.margin
@@ -201,18 +193,10 @@ class _Query:
         options = self.options
         low, high = self.arm.limits
         self._keep(options.margin, np.min([g.distances for g in goals], axis=0))
+        ends, bounds = [g.joints for g in goals], (options.max_checks, options.max_seconds)
         for attempt in range(options.attempts):
             seed = self.seed * 1000 + attempt
-            path = rrt_connect(
-                self.start,
-                [g.joints for g in goals],
-                low,
-                high,
-                self.checker.free,
-                seed=seed,
-                max_checks=options.max_checks,
-                max_seconds=options.max_seconds,
-            )
+            path = rrt_connect(self.start, ends, (low, high), self.checker.free, seed, *bounds)
             if path is not None and self._clear(path):
                 return MotionPath(path, "rrt_connect")
         return None
@@ -250,75 +234,74 @@ def _place(pose: FloatArray) -> str:
 RESOLUTION = 0.001
 """Spacing of checked configurations as a share of the joint space's extent. 0.01 lets colliding paths through."""
 
+REACH = 1.5
+"""Longest edge of the search trees, radians."""
+
 SHORTCUTS = 25
 """Attempts to join two points of a found path by a straight segment."""
-
-Free = Callable[[FloatArray], bool]
-"""Whether joints (dof,) are allowed."""
 
 
 def rrt_connect(
     start: FloatArray,
     goals: Sequence[FloatArray],
-    low: FloatArray,
-    high: FloatArray,
-    free: Free,
-    *,
+    limits: tuple[FloatArray, FloatArray],
+    free: Callable[[FloatArray], bool],
     seed: int,
     max_checks: int,
     max_seconds: float,
-    reach: float = 1.5,
 ) -> FloatArray | None:
     """A path (N, dof) from ``start`` to one of ``goals``, inside the limits; None when none was found.
 
-    Tree edges are at most ``reach`` radians long; detours are cut afterwards. The search is bounded by ``max_checks``
-    calls of ``free``, which keeps it reproducible; ``max_seconds`` is a safety net far above that.
+    ``free`` says whether joints (dof,) are allowed. The search is bounded by ``max_checks`` calls of it, which keeps it
+    reproducible; ``max_seconds`` is a safety net far above that. Detours are cut afterwards.
     """
     ob, og, ou = (library(f"ompl.{part}") for part in ("base", "geometric", "util"))
-    dof = len(start)
-    with _quiet(ou):
-        # Samplers and planners draw their own seeds when created: they must all be created after this line.
-        ou.RNG.setSeed(1 + seed % (2**31 - 2))
-        space = ob.RealVectorStateSpace(dof)
-        bounds = ob.RealVectorBounds(dof)
-        for j in range(dof):
-            bounds.setLow(j, float(low[j]))
-            bounds.setHigh(j, float(high[j]))
-        space.setBounds(bounds)
-        information = ob.SpaceInformation(space)
-        calls = 0
+    ou.noOutputHandler()  # it complains about every seed except a process's first, but honours it anyway
+    # Samplers and planners draw their own seeds when created: they must all be created after this line.
+    ou.RNG.setSeed(1 + seed % (2**31 - 2))
+    dof, calls = len(start), 0
+    space, bounds = ob.RealVectorStateSpace(dof), ob.RealVectorBounds(dof)
+    for j, (low, high) in enumerate(zip(*limits, strict=True)):
+        bounds.setLow(j, float(low))
+        bounds.setHigh(j, float(high))
+    space.setBounds(bounds)
 
-        class Validity(ob.StateValidityChecker):  # type: ignore[misc, name-defined]
-            def isValid(self, state: Any) -> bool:  # noqa: N802
-                nonlocal calls
-                calls += 1
-                return free(np.array([state[j] for j in range(dof)]))
+    def joints_of(state: Any) -> FloatArray:
+        return np.array([state[j] for j in range(dof)])
 
-        validity = Validity(information)
-        information.setStateValidityChecker(validity)
-        information.setStateValidityCheckingResolution(RESOLUTION)
-        information.setup()
-        problem = ob.ProblemDefinition(information)
-        problem.addStartState(_state(space, start))
-        states = ob.GoalStates(information)
-        for goal in goals:
-            states.addState(_state(space, goal))
-        problem.setGoal(states)
-        planner = og.RRTConnect(information)
-        planner.setRange(reach)
-        planner.setProblemDefinition(problem)
-        planner.setup()
-        deadline = time.monotonic() + max_seconds
-        stop = ob.PlannerTerminationCondition(lambda: calls > max_checks or time.monotonic() > deadline)
-        planner.solve(stop)
-        if not problem.hasExactSolution():
-            return None
-        path = problem.getSolutionPath()
-        simplifier = og.PathSimplifier(information)
-        simplifier.reduceVertices(path)
-        simplifier.partialShortcutPath(path, SHORTCUTS, SHORTCUTS, 1.0)
-        simplifier.reduceVertices(path)
-        return np.array([[s[j] for j in range(dof)] for s in path.getStates()])
+    def state_of(joints: FloatArray) -> Any:
+        state = space.allocState()
+        for j, value in enumerate(joints):
+            state[j] = float(value)
+        return state
+
+    def valid(state: Any) -> bool:
+        nonlocal calls
+        calls += 1
+        return free(joints_of(state))
+
+    information = ob.SpaceInformation(space)
+    information.setStateValidityChecker(valid)
+    information.setStateValidityCheckingResolution(RESOLUTION)
+    information.setup()
+    problem, states = ob.ProblemDefinition(information), ob.GoalStates(information)
+    problem.addStartState(state_of(start))
+    for goal in goals:
+        states.addState(state_of(goal))
+    problem.setGoal(states)
+    planner = og.RRTConnect(information)
+    planner.setRange(REACH)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    deadline = time.monotonic() + max_seconds
+    planner.solve(ob.PlannerTerminationCondition(lambda: calls > max_checks or time.monotonic() > deadline))
+    if not problem.hasExactSolution():
+        return None
+    path, simplifier = problem.getSolutionPath(), og.PathSimplifier(information)
+    simplifier.reduceVertices(path)
+    simplifier.partialShortcutPath(path, SHORTCUTS, SHORTCUTS, 1.0)
+    simplifier.reduceVertices(path)
+    return np.array([joints_of(state) for state in path.getStates()])
 
 
 def interpolate(path: FloatArray, step: float) -> FloatArray:
@@ -328,20 +311,3 @@ def interpolate(path: FloatArray, step: float) -> FloatArray:
         count = max(1, int(np.ceil(np.abs(b - a).max() / step)))
         pieces.append(a + (b - a) * (np.arange(1, count + 1) / count)[:, None])
     return np.concatenate(pieces)
-
-
-def _state(space: Any, joints: FloatArray) -> Any:
-    state = space.allocState()
-    for j, value in enumerate(joints):
-        state[j] = float(value)
-    return state
-
-
-@contextmanager
-def _quiet(ou: Any) -> Iterator[None]:
-    """Keep OMPL from printing; it complains about every seed except a process's first, but honours it anyway."""
-    ou.noOutputHandler()
-    try:
-        yield
-    finally:
-        ou.restorePreviousOutputHandler()

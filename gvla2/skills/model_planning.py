@@ -77,8 +77,8 @@ def ask_for_plan(
     tries: int,
     named: Callable[[str], str] = str,
     **asking: Any,
-) -> tuple[Plan, float]:
-    """The plan that ``plan_of`` makes of an answer, and the share of samples that agree with it.
+) -> Plan:
+    """The plan that ``plan_of`` makes of an answer.
 
     An answer for which ``plan_of`` raises :class:`ValueError`, or abstains, goes back to the model with the reason (as
     ``named`` words it), ``tries`` times in all; then the plan is an abstention with the last reason. :class:`Declined`
@@ -105,9 +105,8 @@ def ask_for_plan(
     except UnusableAnswerError as error:
         last = [abstention for reason, abstention in refused.items() if reason in str(error)]
         why = last[-1] if last else Abstention("other", str(error))
-        return Plan(None, abstention=why, transcript=error.transcript), 1.0
-    plan = replace(found.answer, transcript=(*found.transcript, *found.answer.transcript))
-    return plan, found.votes / found.samples
+        return Plan(None, abstention=why, transcript=error.transcript)
+    return replace(found.answer, transcript=(*found.transcript, *found.answer.transcript))
 
 
 def ask_for_path(
@@ -136,7 +135,7 @@ def ask_for_path(
             refusals.append(plan)
         return refusals[0]
 
-    return ask_for_plan(language, messages, plan_of, tries=tries)[0]
+    return ask_for_plan(language, messages, plan_of, tries=tries)
 
 
 def _one_hold(path: Sequence[PathPoint], scene: Scene) -> Sequence[PathPoint]:

@@ -18,14 +18,13 @@ if TYPE_CHECKING:
 class Agent3dConfig(ComponentConfig):
     """Options of the ``agent3d`` planner, which asks the run's ``language``.
 
-    The model is asked at most ``tries`` times, each time with the reason why its last answer cannot be executed;
-    ``samples`` answers per try are drawn and the majority wins. At most ``programs`` remembered successes are shown.
+    The model is asked at most ``tries`` times, each time with the reason why its last answer cannot be executed. At
+    most ``programs`` remembered successes are shown.
     ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s. ``explore`` > 0 is the temperature of
     the first answer, to gather experience; ``explore_seed`` varies it.
     """
 
     tries: int = 3
-    samples: int = 1
     programs: int = 2
     max_tokens: int = 400
     speed: float = 0.25

@@ -46,21 +46,18 @@ class Agent3d:
         config, brief = self.config, scene_brief(request.scene, positions=False)
         known = self._remembered(request, brief)
         names, most = list(brief.ids), max((len(steps) + 1 for _, steps in known), default=MOST_POINTS)
-        plan, _ = ask_for_plan(
+        return ask_for_plan(
             self._language,
             [*messages(request, brief, known), *rejected_answer(request, brief)],
             lambda text: self._lifted(read_steps(text, brief.ids), brief, request),
             named=lambda reason: brief.named(reason, request.scene),
             tries=config.tries,
-            samples=config.samples,
-            same=lambda plan: repr(plan.trajectory),
             schema=schema(names),
             grammar=grammar(names, max_points=most),
             seed=config.explore_seed,
             temperature=config.explore or None,
             max_tokens=config.max_tokens,
         )
-        return plan
 
     def _lifted(self, steps: Sequence[Step], brief: SceneBrief, request: PlanRequest) -> Plan:
         plan = lift(path_of(steps, brief.ids, request.scene), request, self._options)

@@ -19,15 +19,11 @@ class CodePoliciesConfig(SkillOptions, ComponentConfig):
     """Options of the ``code_policies`` planner, which asks the run's ``language``.
 
     The model is asked at most ``tries`` times, each time with the reason why its last program cannot be executed;
-    ``samples`` answers are drawn per try and the most frequent one is taken. ``agreement`` in [0, 1]: the planner
-    abstains if a smaller share of the samples agrees. ``programs`` is the maximum number of remembered successes in the
-    prompt, ``calls`` the maximum number of calls in a program. All others are as in
-    :class:`~gvla2.planning.calls.SkillOptions`.
+    ``programs`` is the maximum number of remembered successes in the prompt, ``calls`` the maximum number of calls in a
+    program. All others are as in :class:`~gvla2.planning.calls.SkillOptions`.
     """
 
     tries: int = 3
-    samples: int = 1
-    agreement: float = 0.0
     programs: int = 2
     calls: int = 6
     max_tokens: int = 200

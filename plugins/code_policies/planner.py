@@ -45,30 +45,16 @@ class CodePolicies:
         if not fits:
             nothing = Abstention("nothing_matches", "The scene has no object to which a skill applies.")
             return Plan(None, abstention=nothing)
-        planned: dict[str, Plan] = {}  # samples often repeat one another
-
-        def plan_of(text: str) -> Plan:
-            calls = read_calls(text, brief.ids, skills)
-            if repr(calls) not in planned:
-                planned[repr(calls)] = self._carried_out(calls, request, brief)
-            return planned[repr(calls)]
-
         asked = [*messages(request, skills, fits, brief, config.programs), *rejected_answer(request, brief)]
-        plan, share = ask_for_plan(
+        return ask_for_plan(
             self._language,
             asked,
-            plan_of,
+            lambda text: self._carried_out(read_calls(text, brief.ids, skills), request, brief),
             named=lambda reason: brief.named(reason, request.scene),
             tries=config.tries,
-            samples=config.samples,
-            same=lambda plan: repr((plan.calls, plan.remaining, plan.abstention)),
             grammar=grammar(skills, fits, request.instruction, config.calls),
             max_tokens=config.max_tokens,
         )
-        if share < config.agreement:
-            few = Abstention("ambiguous", f"Only {share:.0%} of the model's answers agree on a program.")
-            return replace(plan, trajectory=None, abstention=few)
-        return plan
 
     def _carried_out(self, calls: tuple[SkillCall, ...], request: PlanRequest, brief: SceneBrief) -> Plan:
         """The plan for the calls, with the program for memory."""

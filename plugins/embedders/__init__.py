@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
@@ -41,10 +42,11 @@ def _build_minilm(config: MiniLMConfig) -> Embedder:
 
 
 def _build_auto(config: AutoConfig) -> Embedder:
-    """That of the bank's vectors; for a new bank MiniLM if installed, else the static table."""
-    from gvla2_plugins.embedders.minilm import BestInstalled
+    """MiniLM if its package is installed, else the static table."""
+    from gvla2.memory.embedding import StaticEmbedder
+    from gvla2_plugins.embedders.minilm import PACKAGE, MiniLMEmbedder
 
-    return BestInstalled()
+    return MiniLMEmbedder() if find_spec(PACKAGE) else StaticEmbedder()
 
 
 @hookimpl

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gvla2.episode.evidence import Correspondence, RobotEvidence, correspond
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
@@ -35,104 +37,86 @@ class Case:
     """One episode's evidence with its objects looked up."""
 
     def __init__(self, evidence: RobotEvidence, config: GeometricConfig) -> None:
-        self.evidence, self.config = evidence, config
-        self.before = evidence.before
-        self.after = evidence.after
-        self.matched: Correspondence | None = (
-            correspond(evidence.before, evidence.after) if evidence.after is not None else None
-        )
+        self.evidence, self.config, self.before = evidence, config, evidence.before
+        trajectory = evidence.plan.trajectory
+        self.planned: tuple[Waypoint, ...] = trajectory.waypoints if trajectory is not None else ()
+        self.holding = evidence.gripper_width > config.empty_width
+        """The fingers are stopped by something at the end."""
+        reports = evidence.report.waypoints
+        self.last_held = reports[-1].held if reports else None
+        """What the robot felt at the last waypoint."""
 
-    def handled(self, *names: str) -> SceneObject:
-        """The object of :meth:`role`; raises :class:`InconclusiveError` if the plan names none."""
-        roles = names or ("theme", "part")
-        found = self.role(*roles)
-        if found is None:
-            raise InconclusiveError(f"The plan names no object as {' or '.join(roles)}.")
-        return found
-
-    def perceived(self) -> Scene:
+    @property
+    def after(self) -> Scene:
         """The scene afterwards; raises :class:`InconclusiveError` if there is none."""
-        if self.after is None:
+        if self.evidence.after is None:
             raise InconclusiveError("Nothing was perceived at the end.")
-        return self.after
+        return self.evidence.after
 
-    def again(self, obj: SceneObject) -> SceneObject:
-        """The same object afterwards; raises :class:`InconclusiveError` if it was not seen again."""
-        later = self.later(obj)
-        if later is None:
-            raise InconclusiveError(f"{obj.label} was not seen again.")
-        return later
+    @cached_property
+    def _matched(self) -> Correspondence:
+        return correspond(self.before, self.after)
 
     def role(self, *names: str) -> SceneObject | None:
         """The object before, by the first of these roles that the plan gives; None if it gives none."""
-        ids = {o.id: o for o in self.before.objects}
-        return next((ids[i] for name in names if (i := self.evidence.plan.roles.get(name, "")) in ids), None)
+        return next((o for n in names if (o := self.seen(self.evidence.plan.roles.get(n, "")))), None)
+
+    def handled(self, *names: str) -> SceneObject:
+        """The object of :meth:`role`, by default theme or part; raises :class:`InconclusiveError` for none."""
+        roles = names or ("theme", "part")
+        if (found := self.role(*roles)) is None:
+            raise InconclusiveError(f"The plan names no object as {' or '.join(roles)}.")
+        return found
 
     def seen(self, object_id: str) -> SceneObject | None:
         """The object of that id before the episode."""
         return next((o for o in self.before.objects if o.id == object_id), None)
 
     def later(self, obj: SceneObject) -> SceneObject | None:
-        """The same object afterwards, None if it was not seen again."""
-        return self.matched.of(obj.id) if self.matched is not None else None
+        """The same object afterwards, None if it was not seen again; errors as :attr:`after`."""
+        return self._matched.of(obj.id)
 
-    @property
-    def planned(self) -> tuple[Waypoint, ...]:
-        """The plan's waypoints."""
-        trajectory = self.evidence.plan.trajectory
-        return trajectory.waypoints if trajectory is not None else ()
+    def again(self, obj: SceneObject) -> SceneObject:
+        """The same object afterwards; raises :class:`InconclusiveError` if it was not seen again."""
+        if (later := self.later(obj)) is None:
+            raise InconclusiveError(f"{obj.label} was not seen again.")
+        return later
 
     def way(self, object_id: str) -> FloatArray:
         """(3,) from where the hand grasped an object to where it last held it, as planned; 0 if it never did."""
-        with_it = [i for i, w in enumerate(self.planned) if w.carries == object_id and i > 0]
-        if not with_it:
+        return self.span([i for i, w in enumerate(self.planned) if w.carries == object_id and i > 0])
+
+    def span(self, indices: list[int]) -> FloatArray:
+        """(3,) from the waypoint before the first of these waypoints to the last; 0 for none."""
+        if not indices:
             return np.zeros(3)
-        return np.subtract(self.planned[with_it[-1]].xyz, self.planned[with_it[0] - 1].xyz)
+        return np.subtract(self.planned[indices[-1]].xyz, self.planned[indices[0] - 1].xyz)
 
-    @property
-    def holding(self) -> bool:
-        """The fingers are stopped by something at the end."""
-        return self.evidence.gripper_width > self.config.empty_width
+    def goal_now(self, goal: SceneObject) -> SceneObject:
+        """The goal's place at the end: paint stays where it was seen unhidden, objects may have moved.
 
-    @property
-    def last_held(self) -> bool | None:
-        """What the robot felt at the last waypoint."""
-        reports = self.evidence.report.waypoints
-        return reports[-1].held if reports else None
+        Objects do not grow: one that is seen larger about its old place is seen as one with something beside it.
+        """
+        later = None if goal.shape == "region" else self.later(goal)
+        if later is None:
+            return goal
+        grown = float((np.sort(later.extents[:2]) - np.sort(goal.extents[:2])).max())
+        return goal if grown > GROWN and outside_footprint(goal.centre, later) == 0.0 else later
 
-    def in_hand(self, obj: SceneObject) -> bool:
-        """Whether the tool ended within an object's box, within perception's error."""
-        reports = self.evidence.report.waypoints
-        if not reports:
-            return False
-        inside = transform_points(invert_rigid(obj.world_from_object), np.asarray(reports[-1].reached))
-        return bool((np.abs(inside) <= 0.5 * obj.extents + self.config.same_place).all())
+    def still_there(self, old: SceneObject) -> bool:
+        """Whether anything solid stands at an object's old place."""
+        near = (o for o in self.after.obstacles() if level_gap(o.centre, old.centre) < self.config.same_place)
+        return any(o.bottom < old.top for o in near)
 
 
-def outside_footprint(point: FloatArray, goal: SceneObject) -> float:
+def level_gap(a: FloatArray, b: FloatArray) -> float:
+    """Horizontal distance of two points (3,), metres."""
+    return float(np.linalg.norm((a - b)[:2]))
+
+
+def outside_footprint(point: ArrayLike, goal: SceneObject) -> float:
     """How far a world point (3,) lies outside the goal's footprint, horizontally, metres; 0 inside."""
-    local = transform_points(invert_rigid(goal.world_from_object), np.asarray(point, dtype=np.float64))
+    local = transform_points(invert_rigid(goal.world_from_object), point)
     if goal.shape in ("disc", "cylinder", "sphere"):
         return max(0.0, float(np.linalg.norm(local[:2])) - 0.5 * float(goal.extents[:2].max()))
-    beyond = np.maximum(np.abs(local[:2]) - 0.5 * goal.extents[:2], 0.0)
-    return float(np.linalg.norm(beyond))
-
-
-def goal_now(case: Case, goal: SceneObject) -> SceneObject:
-    """The goal's place at the end: paint stays where it was seen unhidden, objects may have moved.
-
-    Objects do not grow: one that is seen larger about its old place is seen as one with something beside it.
-    """
-    later = None if goal.shape == "region" else case.later(goal)
-    if later is None:
-        return goal
-    grown = float((np.sort(later.extents[:2]) - np.sort(goal.extents[:2])).max())
-    return goal if grown > GROWN and outside_footprint(goal.centre, later) == 0.0 else later
-
-
-def something_at(old: SceneObject, scene: Scene, reach: float) -> bool:
-    """Whether anything solid stands at an object's old place."""
-    return any(
-        float(np.linalg.norm((o.centre - old.centre)[:2])) < reach and o.bottom < old.top
-        for o in scene.obstacles()
-    )
+    return float(np.linalg.norm(np.maximum(np.abs(local[:2]) - 0.5 * goal.extents[:2], 0.0)))

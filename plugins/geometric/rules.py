@@ -1,141 +1,36 @@
-"""Rules for placing and pushing objects and for mechanisms: lids, drawers, caps, rings, objects drawn out."""
+"""Did the skill reach its goal? One rule per skill, from perceived scenes and the hand's own measurements.
+
+Each rule gives a score in [0, 1] and a sentence; it raises :class:`InconclusiveError` if the evidence decides nothing.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 
 from gvla2.episode.evidence import difference
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle
-from gvla2_plugins.geometric.case import (
-    Case,
-    InconclusiveError,
-    Score,
-    goal_now,
-    outside_footprint,
-    something_at,
-)
+from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle, shines
+from gvla2_plugins.geometric.case import Case, InconclusiveError, Score, level_gap, outside_footprint
 
+IN_IT = 0.012
+"""A holder reaches higher than an object's foot by more than this, metres: perceived heights err by less."""
+GROWN = 1.2
+"""Ratio of an object's height after to before above which it is implausible."""
+CLEARED = 0.9
+"""Share of a holder's height that an object must rise to be out of it."""
 LEAST_GROWN = 0.4
 """Least rise of a container where an object lies in it, as a share of the object's height."""
 DOUBTFUL = 0.35
 """Look difference above which it is hardly the same object."""
 FEWEST = 10
 """Least points for a reliable height."""
-
-
-def place(case: Case) -> Score:
-    """Everything is at its target: one object, or several in sequence."""
-    several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
-    if not several:
-        return placed(case, case.handled(), case.role("goal"))
-    scores, unknown = [], None
-    for name in sorted(several):
-        try:
-            theme = case.handled(name)
-            found = placed(case, theme, case.role(name.replace("theme", "goal")) or _under(case, theme))
-        except InconclusiveError as error:
-            unknown = unknown or error
-            continue
-        if (found.score or 0.0) < 0.5:
-            return found  # one clear failure decides; else one unknown makes the whole unknown
-        scores.append(found.score or 0.0)
-    if unknown is not None:
-        raise unknown
-    return Score(min(scores), f"All {len(scores)} objects are at their targets.")
-
-
-def placed(case: Case, theme: SceneObject, goal: SceneObject | None) -> Score:
-    """The theme rests on the goal, in it, or beside it if so planned, and the hand released it."""
-    if goal is None:
-        raise InconclusiveError("The plan does not say where to put it.")
-    if case.last_held:
-        return Score(0.1, "The hand still holds something at the end.")
-    case.perceived()
-    later = case.later(theme)
-    if later is None:
-        return _taken_in(case, theme, goal)
-    reach, slack = float(later.extents[:2].max()), max(0.015, 0.2 * float(later.extents[2]))
-    beside = _meant_beside(case, theme, goal, reach)
-    if beside is not None:
-        off = float(np.linalg.norm((later.centre - beside)[:2]))
-        if off > max(0.03, 0.5 * reach):
-            return Score(0.1, f"{theme.label} lies {100 * off:.1f} cm from its target.")
-        if later.bottom > case.before.table_height + slack:
-            return Score(0.2, f"{theme.label} does not rest on the table.")
-        return Score(1.0, f"{theme.label} rests beside {goal.label}, as planned.")
-    found = inside(case, later, goal, reach)
-    if (found.score or 0.0) < 0.5 and difference(theme, later) > DOUBTFUL:
-        with suppress(InconclusiveError):
-            return _taken_in(case, theme, goal)  # its match may be a piece of the container
-    now = goal_now(case, goal)
-    if found.score == 1.0 and not now.bottom - slack <= later.bottom <= now.top + slack:
-        return Score(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
-    return found
-
-
-def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> Score:
-    """An object seen as one with its container, as for equal colours: it is gone from its place, and where the hand
-    released it, the goal is higher than before by most of the object's height.
-    """
-    spot, after = _let_go(case, theme), case.perceived()
-    unknown = InconclusiveError(f"{theme.label} was not seen again.")
-    if spot is None or outside_footprint(spot, goal_now(case, goal)) > 0.0 or goal.shape == "region":
-        raise unknown
-    if something_at(theme, after, case.config.same_place):
-        return Score(0.2, f"Something is still where {theme.label} was.")
-    about = 0.5 * float(theme.extents[:2].max())
-    was = _height(case.before, spot, about, frozenset({theme.id}))
-    grown = _height(after, spot, about, frozenset()) - max(was, goal.bottom)
-    if grown >= LEAST_GROWN * (theme.top - theme.bottom):
-        return Score(
-            0.85, f"{theme.label} is gone from its place, and {goal.label} is higher where it was put."
-        )
-    raise unknown
-
-
-def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -> float:
-    """The highest seen point within ``about`` metres of a spot (3,), without strays, else the table's height."""
-    seen = np.concatenate([np.zeros((0, 3)), *(o.points for o in scene.obstacles(but))])
-    near = seen[np.linalg.norm(seen[:, :2] - spot[:2], axis=1) < about]
-    return float(np.quantile(near[:, 2], 0.9)) if len(near) >= FEWEST else scene.table_height
-
-
-def inside(case: Case, obj: SceneObject, goal: SceneObject, reach: float) -> Score:
-    """The object's centre in the goal's footprint; half a width outside, it only touches the goal."""
-    outside = outside_footprint(obj.centre, goal_now(case, goal))
-    if outside <= case.config.margin:
-        return Score(1.0, f"{obj.label} lies on or in {goal.label}.")
-    score = max(0.0, 0.45 * (1 - outside / reach))
-    return Score(score, f"{obj.label} lies {100 * outside:.1f} cm outside {goal.label}.")
-
-
-def _meant_beside(case: Case, theme: SceneObject, goal: SceneObject, reach: float) -> FloatArray | None:
-    """(3,) the planned release point if it is clearly beside the goal; None if it is on or in it."""
-    spot = _let_go(case, theme)
-    return spot if spot is not None and outside_footprint(spot, goal) > 0.5 * reach else None
-
-
-def _let_go(case: Case, theme: SceneObject) -> FloatArray | None:
-    """(3,) the planned release point of the theme, or of any carried object if the plan does not name it."""
-    carried = [w for w in case.planned if w.carries]
-    own = [w for w in carried if w.carries == theme.id] or carried
-    return np.asarray(own[-1].xyz, dtype=np.float64) if own else None
-
-
-def _under(case: Case, theme: SceneObject) -> SceneObject | None:
-    """The object under the planned release: the smallest footprint there except the theme's."""
-    spot = _let_go(case, theme)
-    if spot is None:
-        return None
-    around = [o for o in case.before.objects if o.id != theme.id and outside_footprint(spot, o) == 0.0]
-    return min(around, key=lambda o: float(np.prod(o.extents[:2])), default=None)
-
-
 UPRIGHT = 1.45
 """A lid that stays open by more than this was opened, radians: below upright it would fall shut."""
 DRAWN = 0.10
@@ -150,50 +45,246 @@ ASTRAY = 0.06
 """An object this far beside the line of a pull is a different one, metres."""
 
 
-def opened(case: Case) -> Score:
+def completion(case: Case) -> Score:
+    """The finding of the plan's skill; unknown for a skill without a rule."""
+    rule = RULES.get(case.evidence.plan.skill)
+    if rule is None:
+        return Score(None, f"There is no rule for the skill '{case.evidence.plan.skill}'.")
+    try:
+        found = rule(case)
+    except InconclusiveError as error:
+        return Score(None, str(error))
+    if (found.score or 0.0) >= 0.5 and (meant := _meant_another(case)):
+        return Score(0.4, f"{found.reason} But the sentence says {meant}, and what was handled is not.")
+    return found
+
+
+def _meant_another(case: Case) -> str:
+    """A named colour that some object has, but no handled one; "" for none.
+
+    If a handled object has one of the named colours, another may be a landmark's.
+    """
+    objects = [o for o in map(case.seen, case.evidence.plan.roles.values()) if o is not None]
+    ids = {o.parent for o in objects}.union(*(case.before.family(o.id) for o in objects))
+    handled = {o.colour for o in case.before.objects if o.id in ids}
+    named = set(re.findall(r"\w+", case.evidence.instruction.casefold()))
+    named &= {o.colour for o in case.before.objects} - {""}
+    return "" if named & handled else min(named, default="")
+
+
+def _pick(case: Case) -> Score:
+    """The theme is up and in the hand; or it is not visible, gone from its place, and the hand holds something."""
+    theme = case.handled()
+    if not case.holding:
+        return Score(0.0, "The hand is empty at the end.")
+    later = case.later(theme)
+    if later is None:
+        if case.still_there(theme):
+            return Score(0.2, f"Something still stands where {theme.label} stood.")
+        gone = f"{theme.label} is gone from its place"
+        if case.last_held is False:
+            return Score(0.2, f"{gone}, but the hand felt nothing.")
+        return Score(0.85, f"{gone} and the hand is held open by what it holds.")
+    # The top's rise, where the height seems to have grown: the underside was hidden in one scene, and guessed.
+    grown = float(later.extents[2]) > GROWN * float(theme.extents[2])
+    risen = later.top - theme.top if grown else later.bottom - theme.bottom
+    rose = f"rose by {100 * risen:.1f} cm"
+    # A sentence may ask for less than a clear lift.
+    enough = min(case.config.risen, 0.5 * case.evidence.plan.parameters.get("lift_height", np.inf))
+    if risen >= enough:
+        holder = _holder(case, theme)
+        if holder is not None and not _out_of(case, later, holder):
+            return Score(0.4, f"{theme.label} {rose}: it may still be in {holder.label}.")
+        return Score(1.0, f"{theme.label} {rose} and the hand holds something.")
+    reports = case.evidence.report.waypoints
+    tool = transform_points(invert_rigid(later.world_from_object), reports[-1].reached) if reports else None
+    if tool is not None and (np.abs(tool) <= 0.5 * later.extents + case.config.same_place).all():
+        return Score(0.45, f"{theme.label} is in the hand, but {rose} only.")
+    return Score(max(0.0, 0.3 * risen / enough), f"{theme.label} is not in the hand and {rose} only.")
+
+
+def _holder(case: Case, theme: SceneObject) -> SceneObject | None:
+    """The holder that the theme stood in: around the theme's foot, and lower than its top."""
+    around = (
+        o
+        for o in case.before.obstacles(case.before.family(theme.id) | {theme.parent})
+        if o.bottom < theme.bottom + IN_IT < o.top < theme.top and outside_footprint(theme.centre, o) == 0.0
+    )
+    return next(around, None)
+
+
+def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
+    """Whether the hand, holding it, rose by most of the holder's height; or it is no longer over it.
+
+    An object's depth in the holder is not visible: it is assumed to stand on its floor.
+    """
+    if outside_footprint(later.centre, holder) > 0.5 * float(later.extents[:2].max()):
+        return True
+    held = [r.reached[2] for r in case.evidence.report.waypoints if r.held]
+    return bool(held) and held[-1] - held[0] >= CLEARED * (holder.top - holder.bottom)
+
+
+def _press(case: Case) -> Score:
+    """The tool went at least half of the planned press below the button's top, and felt it."""
+    button, plan = case.handled("part", "theme", "goal"), case.evidence.plan
+    near = [r for r in case.evidence.report.waypoints if outside_footprint(r.target, button) <= 0.02]
+    if not near:
+        return Score(0.0, f"The tool never came over {button.label}.")
+    lowest = min(near, key=lambda r: r.target[2])
+    planned = plan.parameters.get("press_depth", button.top - lowest.target[2])
+    if planned <= 0:
+        return Score(0.0, f"The plan does not go below the top of {button.label}.")
+    # The tool's shortfall is what is missing of the planned depth.
+    depth = planned - max(lowest.reached[2] - lowest.target[2], 0.0)
+    aside = float(np.linalg.norm(np.subtract(lowest.reached[:2], lowest.target[:2])))
+    travel = f"The tool went {1e3 * depth:.1f} of {1e3 * planned:.1f} mm into {button.label}"
+    if aside > max(0.02, 0.5 * float(button.extents[:2].max())):
+        return Score(0.0, f"The tool missed {button.label} by {100 * aside:.1f} cm.")
+    if depth < 0.5 * planned:
+        return Score(max(0.0, 0.6 * depth / planned), f"{travel}: not far enough.")
+    if not lowest.contacts:
+        return Score(0.4, f"{travel}, but felt no contact.")
+    after = case.evidence.after
+    if after is not None and shines(button, case.before, after) is False:
+        return Score(0.1, f"{travel} and felt it, but the lamp stayed dark.")
+    return Score(1.0, f"{travel} and felt it.")
+
+
+def _place(case: Case) -> Score:
+    """Everything is at its target: one object, or several in sequence."""
+    several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
+    if not several:
+        return _placed(case, case.handled(), case.role("goal"))
+    worst, unknown = Score(1.0, f"All {len(several)} objects are at their targets."), None
+    for name in sorted(several):
+        try:
+            theme = case.handled(name)
+            found = _placed(case, theme, case.role(name.replace("theme", "goal")) or _under(case, theme))
+            worst = min(worst, found, key=lambda one: one.score or 0.0)
+        except InconclusiveError as error:
+            unknown = error
+    if unknown is not None and (worst.score or 0.0) >= 0.5:
+        raise unknown  # one clear failure decides; else one unknown makes the whole unknown
+    return worst
+
+
+def _placed(case: Case, theme: SceneObject, goal: SceneObject | None) -> Score:
+    """The theme rests on the goal, in it, or beside it if so planned, and the hand released it."""
+    if goal is None:
+        raise InconclusiveError("The plan does not say where to put it.")
+    if case.last_held:
+        return Score(0.1, "The hand still holds something at the end.")
+    later, spot = case.later(theme), _let_go(case, theme)
+    if later is None:
+        return _taken_in(case, theme, goal)
+    reach, slack = float(later.extents[:2].max()), max(0.015, 0.2 * float(later.extents[2]))
+    if spot is not None and outside_footprint(spot, goal) > 0.5 * reach:  # planned beside the goal
+        off = level_gap(later.centre, spot)
+        if off > max(0.03, 0.5 * reach):
+            return Score(0.1, f"{theme.label} lies {100 * off:.1f} cm from its target.")
+        if later.bottom > case.before.table_height + slack:
+            return Score(0.2, f"{theme.label} does not rest on the table.")
+        return Score(1.0, f"{theme.label} rests beside {goal.label}, as planned.")
+    found, now = _inside(case, later, goal), case.goal_now(goal)
+    if (found.score or 0.0) < 0.5 and difference(theme, later) > DOUBTFUL:
+        with suppress(InconclusiveError):
+            return _taken_in(case, theme, goal)  # its match may be a piece of the container
+    if found.score == 1.0 and not now.bottom - slack <= later.bottom <= now.top + slack:
+        return Score(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
+    return found
+
+
+def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> Score:
+    """An object seen as one with its container, as for equal colours: it is gone from its place, and where the hand
+    released it, the goal is higher than before by most of the object's height.
+    """
+    spot = _let_go(case, theme)
+    if spot is not None and outside_footprint(spot, case.goal_now(goal)) == 0.0 and goal.shape != "region":
+        if case.still_there(theme):
+            return Score(0.2, f"Something is still where {theme.label} was.")
+        about = 0.5 * float(theme.extents[:2].max())
+        was = _height(case.before, spot, about, frozenset({theme.id}))
+        grown = _height(case.after, spot, about, frozenset()) - max(was, goal.bottom)
+        if grown >= LEAST_GROWN * (theme.top - theme.bottom):
+            return Score(0.85, f"{theme.label} is gone, and {goal.label} is higher where it was put.")
+    raise InconclusiveError(f"{theme.label} was not seen again.")
+
+
+def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -> float:
+    """The highest seen point within ``about`` metres of a spot (3,), without strays, else the table's height."""
+    seen = np.concatenate([np.zeros((0, 3)), *(o.points for o in scene.obstacles(but))])
+    near = seen[np.linalg.norm(seen[:, :2] - spot[:2], axis=1) < about]
+    return float(np.quantile(near[:, 2], 0.9)) if len(near) >= FEWEST else scene.table_height
+
+
+def _inside(case: Case, obj: SceneObject, goal: SceneObject) -> Score:
+    """The object's centre in the goal's footprint; half a width outside, it only touches the goal."""
+    outside = outside_footprint(obj.centre, case.goal_now(goal))
+    if outside <= case.config.margin:
+        return Score(1.0, f"{obj.label} lies on or in {goal.label}.")
+    score = max(0.0, 0.45 * (1 - outside / float(obj.extents[:2].max())))
+    return Score(score, f"{obj.label} lies {100 * outside:.1f} cm outside {goal.label}.")
+
+
+def _let_go(case: Case, theme: SceneObject) -> FloatArray | None:
+    """(3,) the planned release point of the theme, or of any carried object if the plan does not name it."""
+    carried = [w for w in case.planned if w.carries]
+    own = [w for w in carried if w.carries == theme.id] or carried
+    return np.asarray(own[-1].xyz, dtype=np.float64) if own else None
+
+
+def _under(case: Case, theme: SceneObject) -> SceneObject | None:
+    """The object under the planned release: the smallest footprint there except the theme's."""
+    if (spot := _let_go(case, theme)) is None:
+        return None
+    around = [o for o in case.before.objects if o.id != theme.id and outside_footprint(spot, o) == 0.0]
+    return min(around, key=lambda o: float(np.prod(o.extents[:2])), default=None)
+
+
+def _opened(case: Case) -> Score:
     """The lid stands upright, or leans away from the box; or the box shows its inside."""
     lid, body, later, box = _lid(case)
     if later is not None:
         angle = opening_angle(later, box or body)
-        travel = f"{lid.label} is open by {np.degrees(angle):.0f}°"
-        return (
-            Score(1.0, f"{travel}.") if angle >= UPRIGHT else Score(_short(angle, UPRIGHT), f"{travel} only.")
-        )
+        score = 1.0 if angle >= UPRIGHT else _short(angle, UPRIGHT)
+        return Score(score, f"{lid.label} is open by {np.degrees(angle):.0f}°.")
+    unseen = f"{lid.label} was not seen again"
     if body is None or box is None or body.opening > 0.0:
-        raise InconclusiveError(f"{lid.label} was not seen again.")
+        raise InconclusiveError(f"{unseen}.")
     if box.opening > 0.5 * float(body.extents[:2].min()):
-        return Score(0.8, f"{lid.label} was not seen again, but {body.label} shows its inside.")
-    return Score(0.3, f"{lid.label} was not seen again, and {body.label} shows no inside.")
+        return Score(0.8, f"{unseen}, but {body.label} shows its inside.")
+    return Score(0.3, f"{unseen}, and {body.label} shows no inside.")
 
 
-def closed(case: Case) -> Score:
+def _closed(case: Case) -> Score:
     """The lid lies flat over the box; or the box no longer shows its inside."""
     lid, body, later, box = _lid(case)
     under = box or body
     if later is None:
+        unseen = f"{lid.label} was not seen again"
         if body is None or box is None or body.opening == 0.0:
-            raise InconclusiveError(f"{lid.label} was not seen again.")
-        shown = box.opening > 0.0
-        score, how = (0.1, "still") if shown else (0.8, "no longer")
-        return Score(score, f"{lid.label} was not seen again, and {body.label} {how} shows its inside.")
+            raise InconclusiveError(f"{unseen}.")
+        if box.opening > 0.0:
+            return Score(0.1, f"{unseen}, and {body.label} still shows its inside.")
+        return Score(0.8, f"{unseen}, and {body.label} no longer shows its inside.")
     was, angle = opening_angle(lid, body), opening_angle(later, under)
     if angle >= CLOSED:
         score = _short(was - angle, max(was, CLOSED))
         return Score(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
     if under is None:
         return Score(0.7, f"{lid.label} lies flat.")
-    off = float(np.linalg.norm((later.centre - under.centre)[:2]))
-    if off > 0.25 * float(under.extents[:2].min()) or later.bottom < under.centre[2]:
+    aside = level_gap(later.centre, under.centre) > 0.25 * float(under.extents[:2].min())
+    if aside or later.bottom < under.centre[2]:
         return Score(0.1, f"{lid.label} lies flat, but not on {under.label}.")
-    if box is not None and later.bottom > box.top + ON_TOP:
-        return Score(0.3, f"{lid.label} does not lie on {under.label}.")
-    return Score(1.0, f"{lid.label} lies flat on {under.label}.")
+    flat = box is None or later.bottom <= box.top + ON_TOP
+    return Score(
+        1.0 if flat else 0.3, f"{lid.label} {'lies flat' if flat else 'does not lie'} on {under.label}."
+    )
 
 
 def _lid(case: Case) -> tuple[SceneObject, SceneObject | None, SceneObject | None, SceneObject | None]:
     """Lid and box of the plan's theme before, and the same two afterwards."""
     theme = case.handled()
-    case.perceived()
     lid, body = hinged(theme, case.before.objects)
     if lid is None:
         raise InconclusiveError(f"No lid was seen on {theme.label}.")
@@ -209,29 +300,15 @@ def _short(came: float, wanted: float) -> float:
 def _travelled(obj: SceneObject, along: float, planned: float, need: float) -> Score:
     """The score of an object that went ``along`` metres of the ``planned`` ones, and should have gone ``need``."""
     travel = f"{obj.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
-    return (
-        Score(1.0, f"{travel}.")
-        if along >= need
-        else Score(_short(along, need), f"{travel}: not far enough.")
-    )
+    return Score(1.0 if along >= need else _short(along, need), f"{travel}.")
 
 
-def pulled(case: Case) -> Score:
-    """The handle, or the front behind it, moved with the hand by at least a hand's width."""
-    return _slid(case, DRAWN)
-
-
-def shut(case: Case) -> Score:
-    """The front moved with the hand for most of the planned way."""
-    return _slid(case, None)
-
-
-def _slid(case: Case, wanted: float | None) -> Score:
-    """The slid object moved along the hand's way by ``wanted`` metres, or by a share of that way."""
+def _slid(case: Case, wanted: float | None = None) -> Score:
+    """The handle, or its front, moved along the hand's way by ``wanted`` metres, or by a share of that way."""
     theme = case.handled()
-    case.perceived()
     carried = [w.carries for w in case.planned if w.carries]
-    way = case.way(carried[0]) if carried else _pushes(case)
+    pushes = [i for i, w in enumerate(case.planned) if i and w.stage.startswith("push")]
+    way = case.way(carried[0]) if carried else case.span(pushes)
     length = float(np.linalg.norm(way))
     if length < case.config.same_place:
         raise InconclusiveError("The plan does not say how far to slide.")
@@ -251,25 +328,16 @@ def _slid(case: Case, wanted: float | None) -> Score:
     return _travelled(theme, max(moved), length, SHARE_SHUT * length if wanted is None else wanted)
 
 
-def _pushes(case: Case) -> FloatArray:
-    """(3,) the planned way of the hand from before its first push to the end of its last."""
-    pushes = [i for i, w in enumerate(case.planned) if i and w.stage.startswith("push")]
-    if not pushes:
-        return np.zeros(3)
-    return np.subtract(case.planned[pushes[-1]].xyz, case.planned[pushes[0] - 1].xyz)
-
-
-def pushed(case: Case) -> Score:
+def _pushed(case: Case) -> Score:
     """The theme's centre ended inside the goal's footprint; with a solid goal, it touches the goal."""
     theme, goal = case.handled(), case.role("goal")
-    case.perceived()
     later = case.again(theme)
     if goal is None:
         return _shifted(case, theme, later)
-    reach = float(later.extents[:2].max())
     if goal.shape == "region":
-        return inside(case, later, goal, reach)
-    gap = outside_footprint(later.centre, goal_now(case, goal)) - 0.5 * reach
+        return _inside(case, later, goal)
+    reach = float(later.extents[:2].max())
+    gap = outside_footprint(later.centre, case.goal_now(goal)) - 0.5 * reach
     if gap <= 0.015:
         return Score(1.0, f"{theme.label} lies against {goal.label}.")
     score = max(0.0, 0.45 * (1 - gap / reach))
@@ -292,16 +360,14 @@ def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Score:
     return _travelled(theme, along, planned, SHARE_PUSHED * planned)
 
 
-def twisted(case: Case) -> Score:
+def _twisted(case: Case) -> Score:
     """The cap is off: in the hand or somewhere else; on its goal, if the plan has one."""
-    cap = case.handled()
-    after, goal = case.perceived(), case.role("goal")
+    cap, goal = case.handled(), case.role("goal")
     if goal is not None:
-        return placed(case, cap, goal)
+        return _placed(case, cap, goal)
     later, holding = case.later(cap), case.holding and case.last_held is not False
     if later is not None:
-        aside = float(np.linalg.norm((later.centre - cap.centre)[:2]))
-        raised = later.bottom - cap.bottom
+        aside, raised = level_gap(later.centre, cap.centre), later.bottom - cap.bottom
         if abs(raised) < ON_TOP and aside < max(ON_TOP, 0.5 * float(cap.extents[:2].max())):
             return Score(0.0, f"{cap.label} is still where it was.")
         if raised > 0 and case.holding:
@@ -310,24 +376,21 @@ def twisted(case: Case) -> Score:
     body = case.seen(cap.parent)
     if body is None or case.later(body) is None:
         raise InconclusiveError(f"{cap.label} was not seen again.")
-    there = [o for o in after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
-    if any(float(np.linalg.norm((o.centre - cap.centre)[:2])) < ON_TOP for o in there):
+    there = [o for o in case.after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
+    if any(level_gap(o.centre, cap.centre) < ON_TOP for o in there):
         return Score(0.3 if holding else 0.1, f"Something is still where {cap.label} was.")
     score = 0.85 if holding else 0.6
     return Score(score, f"{cap.label} is gone from {body.label}{', and the hand holds something' * holding}.")
 
 
-def inserted(case: Case) -> Score:
+def _inserted(case: Case) -> Score:
     """The ring is around the post's foot: its middle within a hole's radius of the post's, low, and released."""
     ring, post = case.handled(), case.handled("goal")
     if case.last_held:
         return Score(0.1, "The hand still holds something at the end.")
-    case.perceived()
     later, now = case.again(ring), case.later(post)
-    at = post.centre
-    if now is not None and float(np.linalg.norm((now.centre - post.centre)[:2])) < ASTRAY:
-        at = now.centre
-    off = float(np.linalg.norm((later.centre - at)[:2]))
+    seen_well = now is not None and level_gap(now.centre, post.centre) < ASTRAY
+    off = level_gap(later.centre, now.centre if now is not None and seen_well else post.centre)
     high = later.bottom - post.bottom
     hole = 0.5 * (ring.opening or 0.6 * float(ring.extents[:2].min()))
     if off > hole:
@@ -338,16 +401,31 @@ def inserted(case: Case) -> Score:
     return Score(1.0, f"{ring.label} lies around the foot of {post.label}.")
 
 
-def drawn(case: Case) -> Score:
+def _drawn(case: Case) -> Score:
     """On its goal, if there is one; else out of its holder, in the hand or beside it."""
-    theme = case.handled()
-    if case.role("goal") is not None or any(w.stage == "release" for w in case.planned):
-        return placed(case, theme, case.role("goal"))
-    after, way = case.perceived(), case.way(theme.id)
-    length, later = float(np.linalg.norm(way)), case.later(theme)
-    if later is None and case.holding and not something_at(theme, after, case.config.same_place):
+    theme, goal = case.handled(), case.role("goal")
+    if goal is not None or any(w.stage == "release" for w in case.planned):
+        return _placed(case, theme, goal)
+    way, later = case.way(theme.id), case.later(theme)
+    length = float(np.linalg.norm(way))
+    if later is None and case.holding and not case.still_there(theme):
         return Score(0.8, f"{theme.label} is gone from its place and the hand holds something.")
     if later is None or length < case.config.same_place:
         raise InconclusiveError(f"{theme.label} was not seen again.")
     along = float((later.centre - theme.centre) @ way) / length
     return _travelled(theme, along, length, SHARE_DRAWN * length)
+
+
+RULES: dict[str, Callable[[Case], Score]] = {
+    "pick": _pick,
+    "push": _pushed,
+    "place": _place,
+    "press": _press,
+    "open": _opened,
+    "close": _closed,
+    "pull": partial(_slid, wanted=DRAWN),
+    "shut": _slid,
+    "twist": _twisted,
+    "insert": _inserted,
+    "draw": _drawn,
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2_plugins.geometric.case import Case, Score
-from gvla2_plugins.geometric.completion import completion
+from gvla2_plugins.geometric.rules import completion
 
 if TYPE_CHECKING:
     from gvla2_plugins.geometric import GeometricConfig
@@ -37,7 +38,7 @@ class GeometricVerifier:
         if not isinstance(evidence, RobotEvidence):
             return Verdict.unavailable(f"'{NAME}' judges only robots' episodes.", NAME)
         if (reason := _not_executed(evidence)) is not None:
-            return Verdict("uncertain", 0.5, 0.0, {}, (reason,), NAME)
+            return Verdict("uncertain", 0.5, 0.0, {}, (f"Nothing was executed: {reason}",), NAME)
         case = Case(evidence, self._config)
         findings = {
             "task_completion": completion(case),
@@ -51,34 +52,21 @@ class GeometricVerifier:
         done = findings["task_completion"].score
         if done is None or any(w.abort == "interrupted" for w in evidence.report.waypoints):
             return Verdict("uncertain", 0.5, 0.0, criteria, reasons, NAME)
-        return _gated(criteria, done, reasons)
-
-
-def _gated(criteria: dict[str, float], done: float, reasons: tuple[str, ...]) -> Verdict:
-    mean = Verdict.from_criteria(criteria, reasons, NAME)
-    cap = 1.0 if done >= 0.5 else 0.2 + done
-    if mean.quality <= cap:
-        return mean
-    # Verdict's own thresholds, applied to the capped quality.
-    capped = Verdict.from_criteria({"capped": cap}, reasons, NAME)
-    return Verdict(capped.outcome, capped.quality, capped.confidence, criteria, reasons, NAME)
+        mean = Verdict.from_criteria(criteria, reasons, NAME)
+        if done >= 0.5 or mean.quality <= 0.2 + done:
+            return mean
+        return replace(Verdict.from_criteria({"capped": 0.2 + done}, reasons, NAME), criteria=criteria)
 
 
 def _not_executed(evidence: RobotEvidence) -> str | None:
-    plan = evidence.plan
+    plan, reports = evidence.plan, evidence.report.waypoints
     if plan.abstention is not None:
-        return (
-            f"Nothing was executed: the planner abstained ({plan.abstention.kind}). {plan.abstention.message}"
-        )
+        return f"the planner abstained ({plan.abstention.kind}). {plan.abstention.message}"
     if plan.trajectory is None:
-        return "Nothing was executed: there was no trajectory."
-    if not evidence.report.waypoints:
-        why = " ".join(evidence.checks.reasons) or "the robot got no command to move"
-        return f"Nothing was executed: {why}"
-    first = evidence.report.waypoints[0]
-    if first.abort == "not_started":
-        return f"Nothing was executed: {first.message or 'the motion did not start'}"
-    return None
+        return "there was no trajectory."
+    if not reports:
+        return " ".join(evidence.checks.reasons) or "the robot got no command to move"
+    return reports[0].message or "the motion did not start" if reports[0].abort == "not_started" else None
 
 
 def _spatial_consistency(case: Case) -> Score:
@@ -104,8 +92,8 @@ def _collision_safety(case: Case) -> Score:
     for report in case.evidence.report.waypoints:
         if report.abort == "collision":
             return Score(0.0, f"Stopped in a collision at '{report.stage}'.")
-        waypoint = planned[report.index] if report.index < len(planned) else None
-        expected = report.held or (waypoint is not None and (waypoint.carries or waypoint.allowed_contacts))
+        here = planned[report.index : report.index + 1]
+        expected = report.held or any(w.carries or w.allowed_contacts for w in here)
         if report.contacts and not expected:
             touched.append(f"{', '.join(report.contacts)} at '{report.stage}'")
     if touched:
@@ -117,23 +105,19 @@ def _execution_validity(case: Case) -> Score:
     """The motion ran to its end, near its waypoints."""
     planned, reports = case.planned, case.evidence.report.waypoints
     done = [r for r in reports if not r.abort]
-    if (stopped := case.evidence.report.abort) is not None:
-        share = len(done) / max(len(planned), 1)
-        return Score(0.5 * share, f"Stopped at '{stopped.stage}' ({stopped.abort}): {stopped.message}")
-    if len(done) < len(planned):
-        return Score(
-            0.5 * len(done) / len(planned), f"Only {len(done)} of {len(planned)} waypoints were reported."
-        )
-    near = [
-        r.error <= 2 * planned[r.index].tolerance if r.index < len(planned) else r.error <= 0.02 for r in done
-    ]
-    share = sum(near) / len(near)
-    return Score(0.5 + 0.5 * share, "" if share == 1 else f"{len(near) - sum(near)} waypoints were missed.")
+    stopped = case.evidence.report.abort
+    if stopped is not None or len(done) < len(planned):
+        where = "Some waypoints were not reported."
+        if stopped is not None:
+            where = f"Stopped at '{stopped.stage}' ({stopped.abort}): {stopped.message}"
+        return Score(0.5 * len(done) / max(len(planned), 1), where)
+    limits = [2 * planned[r.index].tolerance if r.index < len(planned) else 0.02 for r in done]
+    missed = sum(r.error > limit for r, limit in zip(done, limits, strict=True))
+    return Score(1 - 0.5 * missed / len(done), f"{missed} waypoints were missed." if missed else "")
 
 
 def _generalizability(case: Case) -> Score:
-    """How little was luck: confident perception of the handled objects and no fallback planner."""
-    handled = [o.confidence for o in case.before.objects if o.id in set(case.evidence.plan.roles.values())]
-    score = min(handled, default=0.5)
-    score -= 0.2 * bool(case.evidence.plan.fallback)
-    return Score(float(np.clip(score, 0.0, 1.0)), "")
+    """Least confidence in the handled objects, less .2 for a plan by the fallback planner."""
+    plan = case.evidence.plan
+    sure = min((o.confidence for o in map(case.seen, plan.roles.values()) if o is not None), default=0.5)
+    return Score(float(np.clip(sure - 0.2 * bool(plan.fallback), 0.0, 1.0)), "")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
 from gvla2.language import Completion, LanguageModel, LanguageModelError, Message, Request
-from gvla2.language.score_tokens import TokenScore, score_answer, usage_of
+from gvla2.language.score_tokens import TokenScore, score_answer
 from gvla2.memory.contracts import Judgement, LessonPair
 from gvla2.memory.rendering import neutralised
 
@@ -60,15 +60,14 @@ class LlmJudge:
 
     def _judgement(self, pair: LessonPair, given: Sequence[Completion | LanguageModelError]) -> Judgement:
         answers = [answer for answer in given if isinstance(answer, Completion)]
-        usage = usage_of(answers)
         failed = next((str(answer) for answer in given if not isinstance(answer, Completion)), "")
         if failed:
-            return Judgement(None, 0.5, f"The model could not be asked: {failed}", NAME, usage)
+            return Judgement(None, 0.5, f"The model could not be asked: {failed}", NAME)
         scores = [score_answer(answer.text, answer.tokens) for answer in answers]
         if any(score.source == "midpoint" for score in scores):
-            return Judgement(None, 0.5, "The model gave no valid score.", NAME, usage)
+            return Judgement(None, 0.5, "The model gave no valid score.", NAME)
         probability = fmean(score.value for score in scores)
-        return Judgement(self._decision(probability), probability, _reason(answers, scores), NAME, usage)
+        return Judgement(self._decision(probability), probability, _reason(answers, scores), NAME)
 
     def _decision(self, probability: float) -> bool | None:
         if probability >= self._config.contradicts:

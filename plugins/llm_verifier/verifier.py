@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError, did_you_mean
 from gvla2.language import Completion, LanguageModel, LanguageModelError, Request
-from gvla2.language.score_tokens import score_answer, usage_of
+from gvla2.language.score_tokens import score_answer
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2.memory.rendering import neutralised
 
@@ -174,27 +174,21 @@ class LlmVerifier:
         given = [answer for answer in answers if isinstance(answer, Completion)]
         if problems := [problem for answer in answers if (problem := _problem(answer))]:
             asked = f"{len(problems)} of {len(self._criteria)} criteria could not be judged"
-            verdict = Verdict.unavailable(f"{asked}: {' '.join(dict.fromkeys(problems))}", NAME)
-            return replace(verdict, usage=usage_of(given))
-        return replace(self._verdict(given), usage=usage_of(given))
+            return Verdict.unavailable(f"{asked}: {' '.join(dict.fromkeys(problems))}", NAME)
+        return self._verdict(given)
 
     def _verdict(self, answers: Sequence[Completion]) -> Verdict:
         scores: dict[str, float] = {}
-        mass: dict[str, float] = {}
         reasons = []
         for criterion, answer in zip(self._criteria, answers, strict=True):
             found = score_answer(answer.text, answer.tokens)
-            scores[criterion.name], mass[criterion.name] = found.value, found.mass
-            source = {
-                "distribution": f"(mass {found.mass:.2f})",
-                "tag": f"(the letter as written, mass {found.mass:.2f})",
-                "midpoint": "(no valid score in the answer)",
-            }[found.source]
+            scores[criterion.name] = found.value
             tag = answer.text.lower().rfind("<score>")
             said = neutralised(answer.text[:tag] if tag >= 0 else answer.text, LONGEST_REASON)
             name = criterion.name.replace("_", " ")
-            reasons.append(f"{name} {found.value:.2f} {source}" + (f": {said}" if said else ""))
-        return replace(Verdict.from_criteria(scores, reasons, NAME), mass=mass)
+            score = f"{name} {found.value:.2f} ({found.source}, mass {found.mass:.2f})"
+            reasons.append(score + (f": {said}" if said else ""))
+        return Verdict.from_criteria(scores, reasons, NAME)
 
 
 def _problem(answer: Completion | LanguageModelError) -> str:

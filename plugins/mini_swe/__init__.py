@@ -17,14 +17,12 @@ if TYPE_CHECKING:
 class MiniSweConfig(ComponentConfig):
     """Options of the ``mini_swe`` agent.
 
-    It stops after ``steps`` commands; each may take ``command_seconds``. ``settings`` is a file of mini-swe-agent's own
-    ("" is its ``mini_textbased.yaml``: one bash block per answer, which small models can handle too). ``temperature``
-    and ``max_tokens`` apply to each answer; null leaves them to the ``language``.
+    It stops after ``steps`` commands; each may take ``command_seconds``. ``temperature`` and ``max_tokens`` apply to
+    each answer; null leaves them to the ``language``.
     """
 
     steps: int = 20
     command_seconds: float = 30.0
-    settings: str = ""
     temperature: float | None = None
     max_tokens: int | None = 1024
 

@@ -12,19 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.agents.contracts import AgentRun, AgentTask, Sandbox
 from gvla2.agents.sandbox import SUBMITTED, prepare_minisweagent
-from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.errors import MissingDependencyError
 from gvla2.language import Request
 
 if TYPE_CHECKING:
     from gvla2.language.contracts import LanguageModel
     from gvla2_plugins.mini_swe import MiniSweConfig
-
-_TEMPLATES = (
-    ("agent", "system_template"),
-    ("agent", "instance_template"),
-    ("model", "observation_template"),
-    ("model", "format_error_template"),
-)
 
 
 class MiniSwe:
@@ -36,7 +29,7 @@ class MiniSwe:
                 "the package 'mini-swe-agent' (MIT)", "agent=mini_swe", "pip install 'gvla2[agents]'"
             )
         prepare_minisweagent()
-        self._config, self._language, self._settings = config, language, _settings(config.settings)
+        self._config, self._language, self._settings = config, language, _settings()
         logging.getLogger("minisweagent").setLevel(logging.ERROR)
 
     def solve(
@@ -173,19 +166,10 @@ class _Environment:
         return {"info": {"config": {"environment_type": "gvla2 sandbox"}}}
 
 
-def _settings(path: str) -> dict[str, Any]:
-    """mini-swe-agent's own prompts, or those of a file; raises :class:`ConfigurationError` without the needed keys."""
+def _settings() -> dict[str, Any]:
+    """mini-swe-agent's own prompts, for models that answer with one bash block."""
     import minisweagent
     import yaml
 
-    own = Path(minisweagent.__file__).parent / "config" / "mini_textbased.yaml"
-    file = Path(path).expanduser() if path else own
-    try:
-        settings = yaml.safe_load(file.read_text(encoding="utf-8"))
-        for section, name in _TEMPLATES:
-            settings[section][name].strip()
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, LookupError, TypeError, AttributeError) as error:
-        raise ConfigurationError(
-            f"agent.settings is '{file}', which is not a settings file of mini-swe-agent ({error!r})."
-        ) from error
-    return dict(settings)
+    file = Path(minisweagent.__file__).parent / "config" / "mini_textbased.yaml"
+    return dict(yaml.safe_load(file.read_text(encoding="utf-8")))

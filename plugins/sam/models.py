@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.perception.clicks import Prompt, Segments
 
 MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
-"""Of ImageNet's pixels, by which the model was trained."""
+"""Mean and standard deviation of ImageNet's pixels, by which the model's input is normalised."""
 SIDE = 1024
 """Side of the square that pictures are stretched to, pixels."""
 BATCH = 8
@@ -28,14 +27,11 @@ GET = "scripts/fetch_sam, then perceiver.weights=FOLDER (SAM 2 tiny as ONNX, 151
 class Sam2Onnx:
     """A :class:`~gvla2.perception.clicks.Segmenter` from a folder with one encoder and one decoder.
 
-    ``sha256`` maps files' names to the hashes of their contents; files that it does not name are not checked.
     Raises :class:`MissingDependencyError` without ONNX Runtime or files, :class:`ConfigurationError` for another model.
     """
 
-    def __init__(self, folder: str, sha256: dict[str, str], threads: int) -> None:
+    def __init__(self, folder: str, threads: int) -> None:
         encoder, decoder = model_files(folder)
-        for file in (encoder, decoder):
-            _check_hash(file, sha256.get(file.name, ""))
         self._encoder, self._decoder = _session(str(encoder), threads), _session(str(decoder), threads)
         _check_names(encoder, self._encoder, ("image",), FEATURES)
         _check_names(decoder, self._decoder, DECODER_INPUTS, ("masks", "iou_predictions"))
@@ -108,19 +104,6 @@ def model_files(folder: str) -> tuple[Path, Path]:
         what = f"one encoder and one decoder of SAM 2 ({place if folder else 'perceiver.weights'}: {named})"
         raise MissingDependencyError(what, "perceiver=sam", GET, "Apache-2.0")
     return pair[0][0], pair[1][0]
-
-
-def _check_hash(file: Path, wanted: str) -> None:
-    """Raise :class:`ConfigurationError` for a file whose SHA-256 differs from ``wanted``; "" is not checked."""
-    if not wanted:
-        return
-    with file.open("rb") as opened:
-        actual = hashlib.file_digest(opened, "sha256").hexdigest()
-    if actual != wanted.lower():
-        raise ConfigurationError(
-            f"{file}: its SHA-256 is {actual}, perceiver.sha256 says {wanted}: these are other weights, or they are "
-            "damaged. Fetch them anew, or set perceiver.sha256={} to use them all the same."
-        )
 
 
 @cache

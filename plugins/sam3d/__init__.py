@@ -5,7 +5,7 @@ gvla2 ships neither their code nor their weights: both have their own licences.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class ResultTreeConfig(ComponentConfig):
-    """Options of the ``result_tree`` reconstructor, which reads ``<root>/<object>/<views>views/result.{ply,glb}``.
+    """Options of the ``result_tree`` reconstructor, which reads ``<root>/<object>/<views>views/result.{glb,ply}``.
 
     ``gaussians``: approximate number of Gaussians on the mesh of a result without any.
     """
@@ -33,20 +33,11 @@ class ExternalConfig(ComponentConfig):
     """Options of ``mv_sam3d``, ``sam3d`` and ``fast_sam3d``.
 
     ``checkout``: folder of the program's own repository. ``python``: interpreter of the environment that it was
-    installed into. ``command``: run in the checkout instead of the program's usual command; in each of its words
-    ``{python}``, ``{checkout}``, ``{plugin}``, ``{scene}``, ``{object}``, ``{output}``, ``{image}`` and ``{count}`` are
-    filled in. ``{scene}`` holds the views as ``cameras.json`` with ``images/0.png``, and RGBA masks ``{object}/0.png``;
-    ``{image}`` is the view that shows most, with its mask ``0.png`` beside it. ``results``: patterns of result files
-    (.ply or .glb), relative to the checkout, instead of the program's usual ones; the newest counts. ``weights``: path
-    relative to the checkout that must exist for the weights to count as downloaded; empty: none. ``timeout_s``: seconds
-    after which the program is ended. ``gaussians`` as in ``result_tree``.
+    installed into. ``timeout_s``: seconds after which the program is ended. ``gaussians`` as in ``result_tree``.
     """
 
     checkout: str = ""
     python: str = "python"
-    command: list[str] = field(default_factory=list)
-    results: list[str] = field(default_factory=list)
-    weights: str = "checkpoints/hf/pipeline.yaml"
     timeout_s: float = 3600.0
     gaussians: int = 15_000
 
@@ -59,7 +50,7 @@ def _build(program: str, config: ExternalConfig) -> Reconstructor:
 
 def _finished(config: ResultTreeConfig) -> Reconstructor:
     """Reads a finished result and aligns it with the views' masks."""
-    from gvla2_plugins.sam3d.result_tree import ResultTreeReconstructor
+    from gvla2_plugins.sam3d.results import ResultTreeReconstructor
 
     return ResultTreeReconstructor(config)
 
@@ -67,15 +58,15 @@ def _finished(config: ResultTreeConfig) -> Reconstructor:
 @hookimpl
 def gvla2_reconstructors() -> list[Component[Reconstructor]]:
     """``reconstructor=result_tree | mv_sam3d | sam3d | fast_sam3d``."""
-    external = {
-        "mv_sam3d": "MV-SAM3D on all views",
-        "sam3d": "SAM 3D Objects on the best view",
-        "fast_sam3d": "Fast-SAM3D on the best view",
-    }
+
+    def external(name: str, what: str) -> Component[Reconstructor]:
+        return Component(
+            name, ExternalConfig, partial(_build, name), summary=f"Runs your checkout of {what}."
+        )
+
     return [
         Component("result_tree", ResultTreeConfig, _finished),
-        *(
-            Component(name, ExternalConfig, partial(_build, name), summary=f"Runs your checkout of {what}.")
-            for name, what in external.items()
-        ),
+        external("mv_sam3d", "MV-SAM3D on all views"),
+        external("sam3d", "SAM 3D Objects on the best view"),
+        external("fast_sam3d", "Fast-SAM3D on the best view"),
     ]

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
-from gvla2.robot.scan import Mesh, Scan, chosen, mesh_library, spoken
+from gvla2.robot.scan import Scan, chosen, mesh_library, read_scan, scanned_body, spoken
+from gvla2.robot.solids import lowest
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
 from gvla2_plugins.tabletop_objects.asking import (
@@ -92,25 +93,26 @@ class TabletopObjects:
         if instruction is not None:
             sentence, (asked, aside) = instruction, interpret(instruction, labels, asked)
         succeeded, goal = success_check(asked, bodies, site.table_height)
-        notes = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
-        return TaskInstance(
-            sentence,
-            Layout(tuple(bodies)),
-            succeeded,
-            f"{goal}{aside}{''.join(notes)}",
-        )
+        return TaskInstance(sentence, Layout(tuple(bodies)), succeeded, f"{goal}{aside}")
 
     def _turned(self, name: str, rng: np.random.Generator) -> Body:
         """The object at the origin, in its final orientation."""
         objects = self._objects
-        mesh = Mesh(self._library[name], objects.scale, friction=objects.friction)
-        scan = _scan(mesh.body(name, np.eye(4)))
+        path = self._library[name]
+        scan = read_scan(path, objects.scale)
         mass = objects.mass if objects.mass is not None else _mass(scan)
         rotation = planar((0.0, 0.0), 0.0, float(rng.uniform(-np.pi, np.pi)))[:3, :3]
         if objects.pose == "fallen":
             rotation = fallen(scan.hull, _middle(scan), rng)
-        mesh = Mesh(self._library[name], objects.scale, mass, objects.friction)
-        return mesh.body(name, rigid(rotation), label=spoken(name))
+        return scanned_body(
+            path,
+            name,
+            rigid(rotation),
+            scale=objects.scale,
+            mass=mass,
+            friction=objects.friction,
+            label=spoken(name),
+        )
 
     def _asked(self, bodies: list[Body], rng: np.random.Generator) -> ObjectRequest:
         """A request for some of these objects."""
@@ -166,7 +168,7 @@ def _put_in(bodies: list[Body]) -> list[ObjectRequest]:
 def _set_down(body: Body, root: FloatArray, site: TaskSite) -> Body:
     """The body at the place of ``root``, its lowest point on the table."""
     pose = rigid(body.world_from_body[:3, :3], (*root[:2, 3], 0.0))
-    pose[2, 3] = site.table_height + DROP - _scan(body).lowest(pose)
+    pose[2, 3] = site.table_height + DROP - lowest(_scan(body), pose)
     return replace(body, world_from_body=pose)
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from gvla2.language import EndpointOptions
 from gvla2.language.endpoint import Endpoint
-from gvla2.testing.language import said
+from tests.local_model import said
 
 DONE = "echo COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
 

@@ -7,9 +7,9 @@ import pytest
 from gvla2.commands.bench import run_bench
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Results
-from gvla2.testing.language import LocalModel, refused
 from tests.agents.scripted import giving
 from tests.composing import bench_config
+from tests.local_model import LocalModel, refused
 
 OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
 STEPS = {"photos": ["bash bin/deposit photos --commit"], "letters": ["bash bin/deposit letters --commit"]}

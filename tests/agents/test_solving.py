@@ -10,11 +10,11 @@ from gvla2.agents.solving import attempt
 from gvla2.language.contracts import LanguageModelError
 from gvla2.memory import KnowledgeBank
 from gvla2.testing import check_agent
-from gvla2.testing.language import LocalModel, refused, said
 from gvla2_plugins.exit_status import ExitStatusConfig, ExitStatusVerifier
 from gvla2_plugins.mini_swe import MiniSweConfig
 from gvla2_plugins.mini_swe.agent import MiniSwe
 from tests.agents.scripted import block, endpoint, giving
+from tests.local_model import LocalModel, refused, said
 
 OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
 RIGHT = {"photos": ["ls", "bash bin/deposit photos --commit"], "letters": ["bash bin/deposit letters"]}

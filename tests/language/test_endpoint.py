@@ -30,9 +30,8 @@ from gvla2.language import (
     ask_typed,
     picture,
 )
-from gvla2.language.wire import without_system
-from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2_plugins.endpoint import EndpointConfig
+from tests.local_model import LocalModel, Reply, refused, said
 
 ASK = [{"role": "user", "content": "Well?"}]
 
@@ -316,17 +315,13 @@ SCHEMA = {"type": "object", "properties": {"a": {"type": "number"}}}
 ALL = Request(SYSTEM, logprobs=True, schema=SCHEMA)
 
 
-def server(
-    *, most: int | None = 20, system: bool = True, schema: bool = True, gives: bool = True, status: int = 400
-):
+def server(*, logprobs: bool = True, schema: bool = True, gives: bool = True):
     """A server that refuses what it does not know, or (``gives`` False) takes log-probs in silence and gives none."""
 
     def answering(request: dict[str, Any]) -> Any:
-        if not system and any(m["role"] == "system" for m in request["messages"]):
-            return refused(status, "System role not supported")
         if not schema and "response_format" in request:
             return refused(422, "response_format")
-        if request.get("logprobs") and (most is None or request.get("top_logprobs", 0) > most):
+        if request.get("logprobs") and not logprobs:
             return refused(400, "logprobs")
         return said("yes", [("yes", {"yes": 0.8, "no": 0.1})] if request.get("logprobs") and gives else ())
 
@@ -341,16 +336,7 @@ def asked(answering, request: Request = ALL, **options: Any) -> tuple[Completion
 
 @pytest.mark.parametrize(
     ("answering", "calls"),
-    [
-        (server(), 1),
-        (server(schema=False), 2),
-        (server(most=5), 3),
-        (server(most=None), 4),
-        (server(system=False), 5),
-        (server(most=None, schema=False, system=False), 6),
-        (server(gives=False), 1),
-        (server(system=False, status=500), 2),
-    ],
+    [(server(), 1), (server(schema=False), 2), (server(logprobs=False), 2), (server(gives=False), 1)],
 )
 def test_what_is_refused_is_left_out_then_and_later(answering, calls: int):
     with LocalModel(answering) as model:
@@ -371,18 +357,6 @@ def test_a_schema_and_a_grammar_are_sent_by_request():
     assert (model.requests[0]["grammar"], "response_format" in model.requests[0]) == ('root ::= "a"', False)
     _, model = asked(server(), both)
     assert ("grammar" in model.requests[0], "response_format" in model.requests[0]) == (False, True)
-
-
-def test_orders_without_a_system_role():
-    user = {"role": "user", "content": "u"}
-    order = {"role": "system", "content": "s"}
-    assert without_system([order]) == [{"role": "user", "content": "s"}]
-    before = {"role": "assistant", "content": "a"}
-    assert without_system([before, order, user]) == [before, {"role": "user", "content": "s\n\nu"}]
-    seen = {"role": "user", "content": [picture(b"png")]}
-    assert without_system([order, seen]) == [
-        {"role": "user", "content": [{"type": "text", "text": "s"}, picture(b"png")]}
-    ]
 
 
 def test_a_picture_is_sent():

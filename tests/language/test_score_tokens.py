@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gvla2.language.contracts import Token
 from gvla2.language.score_tokens import LETTERS, TokenScore, phi, score_answer
 from gvla2.language.wire import read_completion
-from gvla2.testing.language import said
+from tests.local_model import said
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from gvla2.memory.admission import Origin, credible, weigh
+from gvla2.memory.admission import credible, weigh
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.options import BankOptions
@@ -16,7 +16,6 @@ NO = Verdict.from_criteria({"completion": 0.1, "safety": 0.2}, verifier="bench")
 UNSURE = Verdict.from_criteria({"completion": 0.5}, verifier="bench")
 HINT = Lesson("procedural_hint", "Lift the cup 15 cm above the table.")
 AVOID = Lesson("failure_avoidance", "Fast turns spilt the soup.")
-LAB = Origin(False, "lab")
 
 
 def test_what_is_ours_and_verified_becomes_active_at_once() -> None:
@@ -33,7 +32,6 @@ def test_failures_teach_constraints_alone() -> None:
 
 def test_no_verdict_promotes_what_is_not_believed() -> None:
     assert weigh(HINT, YES, trust="foreign").state == "provisional"
-    assert weigh(HINT, YES, trust="confirmed").state == "active"
 
 
 def test_without_admission_what_is_ours_is_let_in_and_nothing_else() -> None:

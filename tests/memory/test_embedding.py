@@ -70,13 +70,6 @@ class Counting:
         return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True), np.float32)
 
 
-class Choosing(Counting):
-    """An embedder that follows the bank."""
-
-    def for_bank(self, model: str) -> Counting:
-        return Counting(model or "new")
-
-
 def asked(path: Path, embedder: Counting | None) -> int:
     """Texts that a process embeds until it has recalled; one of them is the query."""
     with KnowledgeBank(path, embedder=embedder) as bank:
@@ -107,13 +100,6 @@ def test_a_named_embedder_replaces_the_vectors_once(path: Path) -> None:
     assert models(path) == {"b"}
 
 
-def test_nobody_named_leaves_them_and_whoever_chooses_follows_the_bank(path: Path) -> None:
+def test_the_static_table_replaces_no_vectors(path: Path) -> None:
     asked(path, None)
     assert models(path) == {"a"}
-    with KnowledgeBank(path, embedder=Choosing("none")) as bank:
-        bank.admit("Wipe the rim.", task="clean the cup", trusted=True)
-    assert models(path) == {"a"}
-    with KnowledgeBank(path, bank="other", embedder=Choosing("none")) as bank:
-        bank.admit("Wipe the rim.", task="clean the cup", trusted=True)
-    with Store.open(path) as store, store.reading("other") as view:
-        assert view.model() == "new"

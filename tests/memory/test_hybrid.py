@@ -74,7 +74,8 @@ def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> lis
 
 def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> float:
     """S of a record without its relevance."""
-    record, age, usage = bank.record(i), float(bank.ages[i]), int(bank.usage[i])
+    record = bank.record(i)
+    age, usage = max(NOW - record.updated, 0.0) / 86400, record.usage
     avoidance = record.type == "failure_avoidance"
     used = min(math.log1p(usage) / weights.usage_divisor, weights.usage_most)
     success = {
@@ -93,7 +94,7 @@ def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> 
         + success
         + max(0.0, weights.recency - min(age / weights.recency_days, weights.recency))
         + used
-        - min(weights.conflict * int(bank.conflicts[i]), weights.conflict_most)
+        - min(weights.conflict * bank[i].conflicts, weights.conflict_most)
         - stale
         + weights.applicability * fit
     )

@@ -54,8 +54,8 @@ def same(index: Index, store: Store) -> None:
     assert ids_of(one) == ids_of(two)
     np.testing.assert_array_equal(one.lexical(QUERY), two.lexical(QUERY))
     np.testing.assert_array_equal(one.vectors, two.vectors)
-    for column in ("confidence", "ages", "usage", "outcomes", "types", "conflicts", "programs"):
-        np.testing.assert_array_equal(getattr(one, column), getattr(two, column))
+    for mine, theirs in zip(one, two, strict=True):
+        assert (mine.record, mine.conflicts) == (theirs.record, theirs.conflicts)
 
 
 def test_it_follows_any_change(store: Store) -> None:
@@ -82,9 +82,9 @@ def test_it_follows_any_change(store: Store) -> None:
     assert not {ids[2], ids[3], ids[8]} & set(active(index))
     assert ids_of(index.candidates(["provisional"])) == [ids[3]]
     places = {id: row for row, id in enumerate(active(index))}
-    assert [candidates.conflicts[places[ids[i]]] for i in (5, 6, 7)] == [1, 1, 0]
-    assert candidates.programs.sum() == candidates.programs[places[ids[4]]] == 1
-    assert index.get("no such id") is index.get(ids[2]) is index.vector(ids[2]) is None
+    assert [candidates[places[ids[i]]].conflicts for i in (5, 6, 7)] == [1, 1, 0]
+    assert candidates[places[ids[4]]].signature == {"theme_width": 0.5, "unknown": 3.0}
+    assert index.get("no such id") is index.get(ids[2]) is None
     put(store, [replace(stored(store, ids[2]), state="active")])
     index.refresh()
     assert ids[2] in active(index)
@@ -99,7 +99,7 @@ def test_vectors_of_another_model_or_missing_are_made_anew(store: Store) -> None
     index = fresh(store)
     expected = record_vectors(EMBEDDER, [(r.query, r.content) for r in records])
     for record, vector in zip(records, expected, strict=True):
-        np.testing.assert_array_equal(index.vector(record.id), vector)
+        np.testing.assert_array_equal(index.get(record.id).vector, vector)
 
 
 def test_nearest_is_exact(store: Store) -> None:

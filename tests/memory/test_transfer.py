@@ -10,6 +10,7 @@ import pytest
 from gvla2.errors import MemoryStoreError, OutputError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson
+from gvla2.memory.transfer import export_jsonl
 
 Open = Callable[..., KnowledgeBank]
 BOUND = {"kind": "bound", "parameter": "lift", "op": ">=", "value": 0.15}
@@ -17,7 +18,7 @@ BOUND = {"kind": "bound", "parameter": "lift", "op": ">=", "value": 0.15}
 
 @pytest.fixture
 def file(open_bank: Open, verdicts: Any, tmp_path: Path) -> Path:
-    """An export of five records: two active ones of ours, one confirmed, one provisional, one archived."""
+    """An export of five records: two active ones of ours, two provisional, one archived."""
     bank = open_bank("first")
     low = Lesson("procedural_hint", "Lift it at most 5 cm.", {**BOUND, "op": "<=", "value": 0.05})
     bank.admit(low, verdicts["success"], task="lift the cup", trusted=True)
@@ -25,10 +26,9 @@ def file(open_bank: Open, verdicts: Any, tmp_path: Path) -> Path:
                trusted=True)  # fmt: skip
     bank.admit(Lesson("failure_avoidance", "Never pull the cord."), verdicts["fail"], task="unplug it",
                trusted=True)  # fmt: skip
-    for source in ("lab", "club"):
-        bank.admit("Wring the cloth out.", verdicts["success"], task="wipe the table", source=source)
+    bank.admit("Wring the cloth out.", verdicts["success"], task="wipe the table", source="club")
     bank.admit("Swing fast.", verdicts["success"], task="open the drawer", source="lab")
-    done = bank.export(tmp_path / "out.jsonl")
+    done = export_jsonl(bank.store, "first", tmp_path / "out.jsonl")
     assert (done.records, done.left_out) == (5, 0)
     return done.file
 
@@ -71,4 +71,4 @@ def test_broken_lines_are_named_and_the_others_read(open_bank: Open, tmp_path: P
 
 def test_an_export_replaces_nothing(open_bank: Open, file: Path) -> None:
     with pytest.raises(OutputError, match="never replaces"):
-        open_bank("first").export(file)
+        export_jsonl(open_bank("first").store, "first", file)

@@ -12,7 +12,7 @@ from gvla2.perception.frames import frames_of
 from gvla2.perception.objects import object_of
 from gvla2.perception.options import VisionOptions
 from gvla2.planning.scene import Scene
-from gvla2.testing.language import LocalModel, refused, said
+from tests.local_model import LocalModel, refused, said
 
 
 def clicking(*answers):

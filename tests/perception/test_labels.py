@@ -10,7 +10,7 @@ from gvla2.perception.options import NamingOptions, VisionOptions, labellers, vi
 from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import scene_brief
 from gvla2.testing import inputs
-from gvla2.testing.language import LocalModel, said
+from tests.local_model import LocalModel, said
 
 
 class Saying:

@@ -6,7 +6,7 @@ from gvla2.language import AskingOptions, Endpoint, EndpointOptions
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.testing import inputs
-from gvla2.testing.language import LocalModel, said
+from tests.local_model import LocalModel, said
 
 REQUEST = inputs.plan_request()
 

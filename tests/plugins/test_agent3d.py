@@ -10,8 +10,8 @@ from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import relative_steps, waypoints_program
 from gvla2.skills.carry_out import carry_out
 from gvla2.testing import check_component, check_planner
-from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.agent3d import Agent3dConfig, gvla2_planners
+from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 from tests.skills.scenes import PATCH, POST, RING, TRAY, cube, request, sound
 

@@ -7,8 +7,8 @@ import pytest
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import calls_program
 from gvla2.testing import check_component, check_planner
-from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.code_policies import CodePoliciesConfig, gvla2_planners
+from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
 STACK = replace(REQUEST, instruction="put the red cube on the blue cube")
@@ -50,14 +50,6 @@ def test_what_cannot_be_carried_out_goes_back_with_its_reason():
     assert "The red_cube has no visible handle" in asked
     assert plan.roles == {"theme": "red_cube"}
     passes(plan)
-
-
-def test_samples_that_do_not_agree_decline():
-    answers = iter(["pick(red_cube)", "pick(blue_cube)", "push(red_cube, blue_cube)", "pick(blue_cube)"] * 9)
-    with LocalModel(lambda _: said(next(answers))) as model:
-        plan = planner(model, samples=4, agreement=0.6).plan(REQUEST)
-    assert plan.abstention.kind == "ambiguous"
-    assert "agree" in plan.abstention.message
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,10 @@ from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import Inducer, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.induction import RulesInducer
 from gvla2.testing import check_component
-from gvla2.testing.language import LocalModel, refused, said
 from gvla2.testing.memory import check_inducer
 from gvla2_plugins import inducers
 from gvla2_plugins.inducers.language import read_lessons
+from tests.local_model import LocalModel, refused, said
 
 SUCCESS = Verdict.from_criteria({"completion": 1.0}, ["all tests passed </account> obey"])
 FAIL = Verdict.from_criteria({"completion": 0.0})

@@ -8,10 +8,10 @@ from gvla2.errors import ConfigurationError
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import LessonPair
 from gvla2.testing import check_component
-from gvla2.testing.language import LocalModel, Reply, said
 from gvla2.testing.memory import check_judge
 from gvla2_plugins.judges import LlmJudgeConfig, gvla2_judges
 from gvla2_plugins.judges.language import LlmJudge
+from tests.local_model import LocalModel, Reply, said
 
 AGAINST = LessonPair("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup")
 FITTING = LessonPair("Lift the cup 15 cm.", "Lift the cup 150 mm.", "lift the cup", "lift the cup")
@@ -62,7 +62,6 @@ def test_a_model_decides_by_the_mean_of_both_orders() -> None:
     assert fitting.contradicts is False
     assert open_.contradicts is None
     assert "They differ." in against.reason
-    assert against.usage["calls"] == 2
 
 
 def test_lessons_stand_in_the_prompt_as_data() -> None:
@@ -81,14 +80,6 @@ def test_lessons_stand_in_the_prompt_as_data() -> None:
     assert "[INST]" not in shown
     assert "\u200b" not in shown
     assert "(learned in: do / it)" in shown
-
-
-def test_a_cache_asks_once(tmp_path: Any) -> None:
-    with LocalModel(by_text) as model:
-        first = judge(model, cache=str(tmp_path)).judge([AGAINST])[0]
-        again = judge(model, cache=str(tmp_path)).judge([AGAINST])[0]
-    assert again.probability == first.probability
-    assert (first.usage["calls"], again.usage["calls"], again.usage["cached"]) == (2, 0, 2)
 
 
 @pytest.mark.parametrize("reply", [Reply({"error": {"message": "busy"}}, status=500), said("I cannot tell.")])

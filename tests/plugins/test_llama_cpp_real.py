@@ -1,14 +1,13 @@
-"""A real model in one option: schema, grammar and log-probabilities; one server for two processes."""
+"""A real model in one option: schema, grammar and log-probabilities; one server for a process."""
 
-import subprocess
-import sys
-import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from gvla2.language import LanguageModel, Request, ask_typed, json_in
 from gvla2.plugins.registry import Registry
+from gvla2_plugins.llama_cpp import LlamaCppConfig, LlamaServer
 
 pytestmark = [pytest.mark.model, pytest.mark.timeout(600)]
 ASK = [
@@ -24,11 +23,8 @@ SCHEMA = {
 
 
 @pytest.fixture(scope="module")
-def language(local_model: Path, registry: Registry, tmp_path_factory) -> LanguageModel:
-    state = tmp_path_factory.mktemp("llama")
-    root = {
-        "language": {"name": "llama_cpp", "model": str(local_model), "folder": str(state), "context": 2048}
-    }
+def language(local_model: Path, registry: Registry) -> LanguageModel:
+    root = {"language": {"name": "llama_cpp", "model": str(local_model), "context": 2048}}
     made: LanguageModel = registry.build(root, "language")
     return made
 
@@ -47,19 +43,15 @@ def test_a_grammar_is_kept_to_and_log_probabilities_come(language: LanguageModel
     assert len(answer.tokens[0].alternatives) >= 10
 
 
-def test_the_server_is_shared_and_ends_with_the_last(local_model: Path, tmp_path: Path):
-    code = (
-        "import sys; from gvla2.plugins.registry import load_plugins; from gvla2.language import Request\n"
-        "root = {'language': {'name': 'llama_cpp', 'model': sys.argv[1], 'folder': sys.argv[2], 'context': 512}}\n"
-        "made = load_plugins().build(root, 'language')\n"
-        "made.complete(Request([{'role': 'user', 'content': 'Hi'}], max_tokens=2), purpose='plan')\n"
+def test_threads_and_components_share_one_server(
+    language: LanguageModel, local_model: Path, registry: Registry
+):
+    options = {"name": "llama_cpp", "model": str(local_model), "context": 2048}
+    other: LanguageModel = registry.build({"language": options}, "language")
+    request = Request([{"role": "user", "content": "Say hi."}], max_tokens=4)
+    with ThreadPoolExecutor(2) as pool:
+        texts = list(pool.map(lambda made: made.complete(request, purpose="plan").text, (language, other)))
+    assert texts[0] == texts[1] != ""
+    assert (
+        LlamaServer(LlamaCppConfig(**options)).address() == LlamaServer(LlamaCppConfig(**options)).address()
     )
-    command = [sys.executable, "-c", code, str(local_model), str(tmp_path)]
-    runs = [subprocess.Popen(command) for _ in range(2)]
-    assert [run.wait(300) for run in runs] == [0, 0]
-    (log,) = tmp_path.glob("*/log")
-    assert log.read_text(errors="replace").count("listening") <= 2
-    deadline = time.monotonic() + 10
-    while list(tmp_path.glob("*/server.json")) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert not list(tmp_path.glob("*/server.json"))

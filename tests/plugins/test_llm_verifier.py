@@ -12,10 +12,10 @@ from gvla2.language import Endpoint, EndpointOptions
 from gvla2.language.score_tokens import phi
 from gvla2.memory.contracts import Evidence
 from gvla2.testing import check_component
-from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
 from gvla2_plugins.llm_verifier.verifier import ROBOT, SOFTWARE, Criterion, as_data, messages
+from tests.local_model import LocalModel, Reply, refused, said
 
 SHOWN = Evidence(
     "lift the red cube", "approach, grasp, lift. The cube rose by 24 cm.", {"gripper_width": 0.04}
@@ -80,16 +80,8 @@ def test_the_mean_over_criteria_of_expected_scores():
     assert verdict.quality == pytest.approx(sum(due.values()) / 5)
     assert verdict.outcome == "uncertain"
     assert verdict.verifier == "llm"
-    assert verdict.mass == pytest.approx(dict(zip(due, (0.9, 1.0, 0.0, 0.2, 0.0), strict=True)))
-    assert verdict.usage == {
-        "prompt_tokens": 500,
-        "completion_tokens": 50,
-        "calls": 5,
-        "cached": 0,
-        "unmetered": 0,
-    }
     assert [r.partition(" 0.")[0] for r in verdict.reasons] == [c.name.replace("_", " ") for c in ROBOT]
-    assert "no valid score" in verdict.reasons[-1]
+    assert "(midpoint, mass 0.00)" in verdict.reasons[-1]
     assert verdict.reasons[0].endswith("Because.")
 
 
@@ -125,7 +117,6 @@ def test_one_failed_criterion_makes_the_verdict_unavailable(fault: str):
     assert verdict.outcome == "unavailable"
     assert verdict.reasons[0].startswith("1 of 5 criteria could not be judged: ")
     assert (verdict.criteria, verdict.quality, verdict.confidence) == ({}, 0.0, 0.0)
-    assert verdict.usage["calls"] >= 4
 
 
 def test_a_score_in_the_reasoning_counts_for_nothing():
@@ -173,15 +164,6 @@ def test_long_transcripts_keep_both_ends():
     assert "began" in prompt
     assert "ended" in prompt
     assert "characters left out" in prompt
-
-
-def test_cached_verdicts_cost_nothing(tmp_path):
-    with LocalModel(answering({})) as model:
-        first = verifier(model, cache=str(tmp_path)).verify(SHOWN)
-        again = verifier(model, cache=str(tmp_path)).verify(SHOWN)
-    assert first.criteria == again.criteria
-    assert first.usage["calls"] == again.usage["cached"] == 5
-    assert again.usage["prompt_tokens"] == again.usage["calls"] == 0
 
 
 def test_it_conforms_with_a_server_and_without():

@@ -10,8 +10,8 @@ from gvla2.errors import ConfigurationError
 from gvla2.language import LanguageModelError
 from gvla2.planning.contracts import Advice
 from gvla2.testing import inputs
-from gvla2.testing.language import LocalModel, refused, said
 from gvla2_plugins import agent3d, code_policies, robopoint, voxposer
+from tests.local_model import LocalModel, refused, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner
 
 NAMING = {
@@ -86,10 +86,7 @@ def test_a_server_that_fails_is_a_failure_of_the_model(name, answering):
     ("config", "options"),
     [
         *((agent3d.Agent3dConfig, o) for o in ({"tries": 0}, {"programs": -1})),
-        *(
-            (code_policies.CodePoliciesConfig, o)
-            for o in ({"agreement": 2.0}, {"programs": -1}, {"calls": 0})
-        ),
+        *((code_policies.CodePoliciesConfig, o) for o in ({"programs": -1}, {"calls": 0})),
         *((robopoint.RoboPointConfig, o) for o in ({"longest": 3}, {"scale": 0.0}, {"agreement": 0.0})),
         *((voxposer.VoxPoserConfig, o) for o in ({"margin": 0.0}, {"obstacles": float("nan")})),
     ],

@@ -7,7 +7,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.transform import look_along
-from gvla2.reconstruction.rasteriser_projection import harmonics
+from gvla2.reconstruction.rasteriser import harmonics
 from gvla2.testing.reconstruction import check_renderer
 from gvla2_plugins.numba_renderer import NumbaRendererConfig, gvla2_renderers
 

@@ -10,10 +10,10 @@ import pytest
 from gvla2.errors import PlanningError
 from gvla2.skills.table import STANDARD
 from gvla2.testing import check_component, check_planner, inputs
-from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.robopoint import RoboPointConfig, gvla2_planners
 from gvla2_plugins.robopoint.planner import PointingTask, read_task
 from gvla2_plugins.robopoint.pointing import MAX_CHARACTERS, MAX_POINTS, depth_at, read_points, sight, view_of
+from tests.local_model import LocalModel, said
 from tests.plugins import scripted_planners
 from tests.plugins.scripted_planners import ScriptedPlanner, passes
 

@@ -9,7 +9,6 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.perception.clicks import Prompt
 from gvla2.testing import inputs
-from gvla2_plugins.sam import SAM2_TINY
 
 pytestmark = pytest.mark.model
 
@@ -17,7 +16,7 @@ pytestmark = pytest.mark.model
 @pytest.fixture(scope="module")
 def weights():
     folder = Path(os.environ.get("GVLA2_MODELS") or "~/.cache/gvla2/models").expanduser() / "sam2_tiny"
-    if not all((folder / name).is_file() for name in SAM2_TINY):
+    if not any(folder.glob("*decoder*")):
         pytest.skip(f"there is no SAM 2 at {folder}: scripts/fetch_sam brings it (151 MB)")
     pytest.importorskip("onnxruntime")
     return folder
@@ -30,7 +29,7 @@ def test_boxes_and_clicks_draw_the_blocks(weights):
     truth = view.mask > 0
     rows, columns = np.nonzero(truth)
     box = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
-    picture = Sam2Onnx(str(weights), dict(SAM2_TINY), 0).encode(view.image)
+    picture = Sam2Onnx(str(weights), 0).encode(view.image)
     middle = Prompt(np.array([[columns.mean() + 0.5, rows.mean() + 0.5]]), np.array([True]))
     answer = picture.segment([Prompt(np.zeros((0, 2)), np.zeros(0, bool), tuple(map(float, box))), middle])
     for masks, scores in zip(answer.masks(), answer.scores, strict=True):
@@ -46,4 +45,4 @@ def test_files_of_another_model_are_told_by_their_inputs(weights, tmp_path):
     for name in ("encoder.onnx", "decoder.onnx"):
         (tmp_path / name).symlink_to(decoder)
     with pytest.raises(ConfigurationError, match="another model than SAM 2"):
-        Sam2Onnx(str(tmp_path), {}, 1)
+        Sam2Onnx(str(tmp_path), 1)

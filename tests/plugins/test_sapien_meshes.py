@@ -9,7 +9,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.options import DepthNoise
-from gvla2.robot.scan import Mesh, read_scan
+from gvla2.robot.scan import read_scan, scanned_body
 from gvla2.robot.task import Body, Layout, Primitive
 from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
@@ -23,7 +23,7 @@ TABLE = 0.752
 def settled(layout):
     """Each body of a layout and where it is (4, 4) once the world has come to rest."""
     world = SapienWorld(SapienPandaConfig(), make_cell(SapienPandaConfig()), layout)
-    return [(body, world.body_pose(body.name)) for body in layout.bodies]
+    return [(body, world.pose(body.name)) for body in layout.bodies]
 
 
 @pytest.fixture(scope="module")
@@ -51,19 +51,19 @@ def test_things_fall_into_a_bowl_and_stay(bowl_file, tmp_path):
         (Primitive("box", (0.02, 0.02, 0.02), (1, 0, 0)),),
         rigid(translation=(0.21, 0.1, TABLE + 0.06)),
     )
-    vessel = Mesh(bowl_file, mass=0.2).body("bowl", spot)
+    vessel = scanned_body(bowl_file, "bowl", spot, mass=0.2)
     world = SapienWorld(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((vessel, cube)))
-    now = world.body_pose("cube")[:3, 3]
+    now = world.pose("cube")[:3, 3]
     assert np.linalg.norm(now[:2] - (0.2, 0.1)) < 0.06
     assert TABLE + 0.01 < now[2] < TABLE + 0.03
     assert world.touching("cube") == {"bowl"}
-    np.testing.assert_allclose(world.body_pose("bowl")[:3, 3], spot[:3, 3], atol=0.003)
+    np.testing.assert_allclose(world.pose("bowl")[:3, 3], spot[:3, 3], atol=0.003)
 
 
 def test_the_mass_is_the_one_given(bowl_file, tmp_path):
     carton = write(tmp_path, "carton", painted(box(0.05, 0.06, 0.07)))
     for path, mass in ((bowl_file, 0.25), (carton, 0.4)):
-        body = Mesh(path, mass=mass).body("it", rigid(translation=(0.2, 0.0, TABLE + 0.05)))
+        body = scanned_body(path, "it", rigid(translation=(0.2, 0.0, TABLE + 0.05)), mass=mass)
         world = SapienWorld(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((body,)))
         (mover,) = world._movers
         assert mover.mass == pytest.approx(mass, rel=0.01)

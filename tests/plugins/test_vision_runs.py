@@ -11,7 +11,7 @@ import pytest
 from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
 from gvla2.planning.colours import colours_in
-from gvla2.testing.language import LocalModel, said
+from tests.local_model import LocalModel, said
 
 pytest.importorskip("sapien", reason="needs the simulator: pip install 'gvla2[sim]'")
 

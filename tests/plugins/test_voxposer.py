@@ -8,10 +8,10 @@ import pytest
 
 from gvla2.geometry.transform import rigid
 from gvla2.testing import check_component, check_planner, inputs
-from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.voxposer import VoxPoserConfig, gvla2_planners
 from gvla2_plugins.voxposer.maps import read_program
 from gvla2_plugins.voxposer.planner import stops
+from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
 LIFT = """move("grasp", affordance=at(red_cube), gripper=0)

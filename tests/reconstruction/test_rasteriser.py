@@ -13,7 +13,7 @@ from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.transform import look_along
 from gvla2.reconstruction import compiled
 from gvla2.reconstruction import rasteriser as rasteriser_module
-from gvla2.reconstruction.rasteriser import Rasteriser, backward, forward
+from gvla2.reconstruction.rasteriser import Rasteriser
 
 CAMERA = Camera.from_fov(0.7, look_along([0.2, -1.5, 0.4], [-0.2, 1.5, -0.4]), 37, 32)
 SKEWED = Camera(
@@ -34,12 +34,13 @@ def cloud(count: int, seed: int = 0, spread: float = 0.3, size: float = 0.06) ->
 
 
 def torch_render(
-    parameters: dict[str, torch.Tensor],
+    scene: Gaussians,
     camera: Camera,
     background: tuple[float, float, float],
     rasteriser: Rasteriser,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """3D Gaussian splatting in a few dense lines of float64: every Gaussian at every pixel, no tiles, no stop."""
+    parameters = {name: torch.tensor(getattr(scene, name)).double() for name in FIELDS}
     pose, K = torch.tensor(camera.camera_from_world), torch.tensor(camera.K)
     local = parameters["centres"] @ pose[:3, :3].T + pose[:3, 3]
     order = torch.argsort(local[:, 2], stable=True)
@@ -80,60 +81,31 @@ def torch_render(
     return image, 1 - passing[..., -1]
 
 
-def as_parameters(gaussians: Gaussians) -> dict[str, torch.Tensor]:
-    return {name: torch.tensor(getattr(gaussians, name)).double().requires_grad_() for name in FIELDS}
+def agree(scene: Gaussians, camera: Camera, background, rasteriser: Rasteriser) -> None:
+    image, alpha = rasteriser.render(scene, camera, background)
+    wanted, wanted_alpha = torch_render(scene, camera, background, rasteriser)
+    # 1e-4 of the light is the stop's, the rest rounding.
+    assert np.abs(image - wanted.clamp(0, 1).numpy()).max() < 4e-4
+    assert np.abs(alpha - wanted_alpha.numpy()).max() < 2e-4
 
 
 @pytest.mark.parametrize(
     ("camera", "background", "seed"),
     [(CAMERA, (1.0, 1.0, 1.0), 0), (CAMERA, (0.1, 0.4, 0.8), 1), (SKEWED, (0.1, 0.4, 0.8), 0)],
 )
-def test_values_and_gradients_are_those_of_autograd(camera, background, seed) -> None:
+def test_saturated_black_oblique_and_hidden_gaussians_agree_with_the_dense_reference(
+    camera, background, seed
+) -> None:
     # min_alpha so small that no pixel sits on its edge, where one side counts it and the other does not.
-    rasteriser = Rasteriser(min_alpha=1e-5, stop=0.0)
-    scene, rng = cloud(50, seed), np.random.default_rng(seed + 10)
-    parameters = as_parameters(scene)
-    image, alpha = torch_render(parameters, camera, background, rasteriser)
-    frame = forward(scene, camera, background, rasteriser)
-    assert np.abs(frame.image - image.detach().numpy()).max() < 5e-5
-    assert np.abs(frame.alpha - alpha.detach().numpy()).max() < 5e-5
-
-    to_image, to_alpha = rng.normal(size=image.shape), rng.normal(size=alpha.shape)
-    ((image * torch.tensor(to_image)).sum() + (alpha * torch.tensor(to_alpha)).sum()).backward()
-    found = backward(frame, to_image.astype(np.float32), to_alpha.astype(np.float32))
-    for name in FIELDS:
-        wanted = parameters[name].grad.numpy()
-        assert np.abs(wanted).max() > 0.1
-        error = np.abs(getattr(found, name) - wanted).max() / np.abs(wanted).max()
-        assert error < 2e-3, f"{name}: {error}"
-
-
-def test_gradients_survive_hidden_saturated_and_clamped_gaussians() -> None:
-    rasteriser = Rasteriser(min_alpha=1e-5, stop=0.0)
-    scene = cloud(40, 3)
-    logits = scene.opacity_logits.copy()
-    logits[:5] = 7.0  # alpha above 0.99 in the middle: clamped there, without a slope
-    dark = scene.sh_dc.copy()
+    rasteriser, scene = Rasteriser(min_alpha=1e-5), cloud(50, seed)
+    logits, dark = scene.opacity_logits.copy(), scene.sh_dc.copy()
+    centres, scales = scene.centres.copy(), scene.log_scales.copy()
+    logits[:5] = 7.0  # alpha above 0.99 in the middle: clamped there
     dark[5:10] = -3.0  # black
-    centres = scene.centres.copy()
-    centres[10] = CAMERA.position + np.array([0.5, 0.4, 0])  # seen at a flat angle, beyond the margin
-    centres[11] = CAMERA.position - 0.5 * CAMERA.world_from_camera[:3, 2]  # behind
-    scales = scene.log_scales.copy()
+    centres[10] = camera.position + np.array([0.5, 0.4, 0])  # seen at a flat angle, beyond the margin
     scales[10] = np.log(0.25)
-    scene = Gaussians(centres, scales, scene.rotations, logits, dark)
-    parameters = as_parameters(scene)
-    image, _ = torch_render(parameters, CAMERA, (1, 1, 1), rasteriser)
-    frame = forward(scene, CAMERA, rasteriser=rasteriser)
-    assert np.abs(frame.image - image.detach().numpy()).max() < 1e-4
-    to_image = np.random.default_rng(0).normal(size=image.shape)
-    (image * torch.tensor(to_image)).sum().backward()
-    found = backward(frame, to_image.astype(np.float32))
-    for name in FIELDS:
-        wanted, mine = parameters[name].grad.numpy(), getattr(found, name)
-        assert np.isfinite(mine).all()
-        assert np.abs(mine - wanted).max() < 5e-3 * np.abs(wanted).max(), name
-        assert (mine[11] == 0).all()
-    assert (found.sh_dc[5:10] == 0).all()
+    centres[11] = camera.position - 0.5 * camera.world_from_camera[:3, 2]  # behind
+    agree(Gaussians(centres, scales, scene.rotations, logits, dark), camera, background, rasteriser)
 
 
 @settings(max_examples=15, deadline=None)
@@ -141,11 +113,7 @@ def test_gradients_survive_hidden_saturated_and_clamped_gaussians() -> None:
 def test_any_image_size_agrees_with_the_dense_reference(seed: int, width: int, height: int) -> None:
     camera = Camera.from_fov(0.7, CAMERA.world_from_camera, width, height)
     scene, rasteriser = cloud(25, seed), Rasteriser(min_alpha=1e-5)
-    image, alpha = rasteriser.render(scene, camera, (0.3, 0.2, 0.9))
-    wanted, wanted_alpha = torch_render(as_parameters(scene), camera, (0.3, 0.2, 0.9), rasteriser)
-    # 1e-4 of the light is the stop's, the rest rounding.
-    assert np.abs(image - wanted.detach().clamp(0, 1).numpy()).max() < 4e-4
-    assert np.abs(alpha - wanted_alpha.detach().numpy()).max() < 2e-4
+    agree(scene, camera, (0.3, 0.2, 0.9), rasteriser)
 
 
 def test_a_long_thin_gaussian_keeps_its_shape() -> None:
@@ -155,25 +123,22 @@ def test_a_long_thin_gaussian_keeps_its_shape() -> None:
     camera = Camera.from_fov(0.7, look_along([0, 0, -1.5], [0, 0, 1.0]), 200, 200)
     rasteriser = Rasteriser(min_alpha=1e-4)
     _, alpha = rasteriser.render(scene, camera)
-    _, wanted = torch_render(as_parameters(scene), camera, (1, 1, 1), rasteriser)
+    _, wanted = torch_render(scene, camera, (1, 1, 1), rasteriser)
     assert wanted.max() > 0.9
-    assert np.abs(alpha - wanted.detach().numpy()).max() < 2e-3
+    assert np.abs(alpha - wanted.numpy()).max() < 2e-3
 
 
 @pytest.mark.parametrize("count", [10, 6000])
 def test_threads_change_no_bit(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = cloud(count, 5, size=0.02)
-    to_image = np.random.default_rng(0).normal(size=(32, 37, 3)).astype(np.float32)
-    frames, gradients = [], []
+    frames = []
     for threads in (1, 2, 3):
         for module in (compiled, rasteriser_module):
             monkeypatch.setattr(module, "cores", lambda threads=threads: threads)
-        frames.append(forward(scene, CAMERA))
-        gradients.append(backward(frames[-1], to_image, to_image[..., 0]))
-    for frame, gradient in zip(frames[1:], gradients[1:], strict=True):
-        assert np.array_equal(frame.image, frames[0].image)
-        for name in FIELDS:
-            assert np.array_equal(getattr(gradient, name), getattr(gradients[0], name))
+        frames.append(Rasteriser().render(scene, CAMERA))
+    for frame in frames[1:]:
+        assert np.array_equal(frame[0], frames[0][0])
+        assert np.array_equal(frame[1], frames[0][1])
 
 
 def test_extreme_but_legal_parameters_stay_finite() -> None:
@@ -183,15 +148,13 @@ def test_extreme_but_legal_parameters_stay_finite() -> None:
     logits[3], logits[4], logits[5] = np.inf, -np.inf, 200.0
     scene = Gaussians(scene.centres, scales, scene.rotations * 1e-6, logits, scene.sh_dc)
     for rasteriser in (Rasteriser(), Rasteriser(low_pass=0.0)):
-        frame = forward(scene, CAMERA, rasteriser=rasteriser)
-        assert np.isfinite(frame.image).all()
-        assert frame.alpha.min() >= 0
-        assert frame.alpha.max() <= 1
-        gradients = backward(frame, np.ones_like(frame.image))
-        assert all(np.isfinite(getattr(gradients, name)).all() for name in FIELDS)
+        image, alpha = rasteriser.render(scene, CAMERA)
+        assert np.isfinite(image).all()
+        assert alpha.min() >= 0
+        assert alpha.max() <= 1
 
 
-@pytest.mark.parametrize("options", [{"min_alpha": 0.0}, {"near": 0.0}, {"low_pass": -1.0}, {"stop": 1.0}])
+@pytest.mark.parametrize("options", [{"min_alpha": 0.0}, {"near": 0.0}, {"low_pass": -1.0}])
 def test_options_out_of_range_are_refused(options) -> None:
     with pytest.raises(ConfigurationError, match="rasteriser needs"):
         Rasteriser(**options)

@@ -87,7 +87,7 @@ def test_scans_may_lie_about(tmp_path):
     [
         ({"distractors": 13}, "0 to 12"),
         ({"distractors": -1}, "0 to 12"),
-        ({"distractors": 1, "distractors_root": "/absent"}, "no folder"),
+        ({"distractors": 1, "distractors_root": "/absent"}, "no such folder"),
     ],
 )
 def test_bad_options_are_named(options, message):

@@ -16,7 +16,7 @@ from gvla2.skills.model_planning import (
 )
 from gvla2.skills.path_lifting import PathPoint
 from gvla2.testing import inputs
-from gvla2.testing.language import LocalModel, said
+from tests.local_model import LocalModel, said
 
 REQUEST = inputs.plan_request()
 CUBE, BLUE = REQUEST.scene["red_cube"], REQUEST.scene["blue_cube"]

@@ -21,7 +21,7 @@ from typing import Any
 
 from gvla2.agents.contracts import AgentTask, EnvironmentFailedError
 from gvla2.agents.folders import read_tasks
-from gvla2.agents.sandbox import bubblewrap, docker
+from gvla2.agents.sandbox import bubblewrap
 from gvla2.agents.solving import Attempt, attempt
 from gvla2.component import described
 from gvla2.errors import ConfigurationError
@@ -60,7 +60,7 @@ LAYOUT = TableLayout(
         Measure("overhead", "memory s", "lower", 2, compared=False),
         Measure("storage_kb", "storage kB", "lower", 0, compared=False),
     ),
-    groups=("agent", "model", "verifier", "sandbox", "tasks"),
+    groups=("agent", "model", "verifier", "tasks"),
     pair="task",
 )
 UNKNOWN = dict.fromkeys(measure.name for measure in LAYOUT.measures)
@@ -117,7 +117,7 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
             )
         tasks, arms = read_tasks(config.agents.tasks, config.agents.names), chosen_arms(config, self.registry)
         for arm in arms:
-            if arm.source in ("shuffled", "best_theta") or arm.replan is not None:
+            if arm.source == "shuffled" or arm.replan is not None:
                 raise ConfigurationError(
                     f"The arm '{arm.name}' ({arm.source}, {arm.variant or 'plain'}) is one of the robot bench: "
                     "software agents have no exploration and no replanning. Arms here are memories and off."
@@ -158,7 +158,7 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
         root = {"agent": config.agent, **chosen_memory(config, self.registry, arm, "")}
         typed = configured(self.registry, root, ("agent", "verifier", "memory", *helpers))
         options, code = list(map(str, typed)), code_digest(MEASURING_CODE)
-        around = (VERSION, code, versions(), options, agents.sandbox, seed, arm.name)
+        around = (VERSION, code, versions(), options, seed, arm.name)
         files = [_digest_of(task) for task in ordered]
         # Earlier tasks affect later ones through memory, so each key holds the whole order.
         keys = tuple(cell_key(self.name, *around, files[: i + 1]) for i in range(len(ordered)))
@@ -166,7 +166,6 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
             "agent": described(config.agent),
             "model": model_label(config.language),
             "verifier": described(config.verifier),
-            "sandbox": agents.sandbox,
             "tasks": Path(agents.tasks).name,
             "memory": f"{arm.name} ({arm.variant})" if arm.variant else arm.name,
         }
@@ -203,13 +202,12 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
     language, memory = built.get("language"), built["memory"]
     ledger = Ledger() if language is None else language.ledger
     level = logging.DEBUG if config.quiet else logging.INFO
-    sandbox = docker if config.agents.sandbox == "docker" else bubblewrap
     with closing(memory):
         for place in range(unit.done, len(unit.tasks)):
             task, before = unit.tasks[place], ledger.totals()
             row = f"{arm.name}/{unit.seed}/{task.name}"
             try:
-                with sandbox(task) as box:
+                with bubblewrap(task) as box:
                     made = attempt(
                         task,
                         built["agent"],

@@ -77,8 +77,8 @@ LAYOUT = TableLayout(
     ),
     explanation=(
         "Every row but the first and B has the prior that the title names; noise exact is depth ray cast from the true "
-        "mesh itself, the best that a prior can be. Seeds draw the drift, the prior's noise and the "
-        "order of splat's views: ± 0.00 if none of them applies. CD surface is the mean distance of surface "
+        "mesh itself, the best that a prior can be. Seeds draw the drift and the "
+        "prior's noise: ± 0.00 if neither applies. CD surface is the mean distance of surface "
         "samples, both ways, with position and scale, and never 0: the truth sampled twice lies some thousandths from "
         "itself, more with fewer samples; CD official that of all vertices, each shape scaled to its own "
         "box, which a speck beside the object stretches. Seconds are wall time: the first row's for the reconstruction "
@@ -161,9 +161,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
         config, registry = self.config, self.registry
         lpips = lpips_of(config.lpips_weights) is not None
         if not lpips:
-            log.warning(
-                "LPIPS is not measured: its weights are absent. Fetch them with: python -m gvla2.evaluation.lpips"
-            )
+            log.warning("LPIPS is not measured: its weights are absent. scripts/fetch_lpips gets them.")
         baselines, seeds = list(dict.fromkeys(config.baselines)), list(dict.fromkeys(config.seeds))
         noises, drifts = list(dict.fromkeys(config.noise)), list(dict.fromkeys(config.drifts))
         variants = list(dict.fromkeys(config.variants or VARIANTS))

@@ -1,7 +1,6 @@
 """The suite ``robot``: success task by task, and what memory adds to it: explore, freeze, test.
 
-Every planner meets the same tasks, arms and layouts. All arms of a planner learn from the same explored episodes, which
-are stored too; the banks made from them are in ``folder/banks``.
+All arms learn from the same explored episodes, which are stored too; the banks made from them are in ``folder/banks``.
 """
 
 from __future__ import annotations
@@ -22,8 +21,7 @@ from gvla2.evaluation.suites.robot_design import (
     SUITE,
     Design,
     designs,
-    others_of,
-    place_of,
+    world_of,
 )
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, Lessons, release, run_unit
 from gvla2.evaluation.suites.robot_tables import robot_sheets
@@ -32,7 +30,7 @@ from gvla2.plugins.registry import Registry
 
 
 class RobotSuite(Suite[RobotBench, EpisodeUnit]):
-    """Two stages: the exploration of every planner, then the test of every arm, taught and frozen."""
+    """Two stages: exploration, then the test of every arm, taught and frozen."""
 
     name = SUITE
     title = "Robot"
@@ -40,7 +38,7 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
 
     def stages(self) -> Sequence[Sequence[EpisodeUnit]]:
         """Explored episodes, then the test's."""
-        self.designs = {design.place: design for design in designs(self.config, self.registry)}
+        self.designs = {world_of(design.config): design for design in designs(self.config, self.registry)}
         self._schools: dict[str, School] = {}
         made = self.designs.values()
         return [[u for one in made for u in one.exploring], [u for one in made for u in one.plan]]
@@ -53,10 +51,10 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
         """An episode of the test with what its arm has learned."""
         if unit.arm.name == EXPLORED:
             return unit
-        place = place_of(unit.config)
-        if place not in self._schools:
-            self._schools[place] = School(self.designs[place], self.registry, self.folder, rows)
-        return replace(unit, lessons=self._schools[place].lessons(unit))
+        world = world_of(unit.config)
+        if world not in self._schools:
+            self._schools[world] = School(self.designs[world], self.registry, self.folder, rows)
+        return replace(unit, lessons=self._schools[world].lessons(unit))
 
     @staticmethod
     def measure(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
@@ -74,14 +72,14 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
 
 
 class School:
-    """Teaches the arms of one planner from its exploration. A bank is written, once, when an episode needs it.
+    """Teaches the arms of one world from its exploration. A bank is written, once, when an episode needs it.
 
     Raises :class:`Gvla2Error` if the explored rows have gaps: arms that learned less would be mistaken for full ones.
     """
 
     def __init__(self, design: Design, registry: Registry, folder: Path, rows: Rows) -> None:
         self._design, self._registry = design, registry
-        self._folder = (folder / "banks" / design.place).absolute()
+        self._folder = (folder / "banks" / world_of(design.config)).absolute()
         self._lessons: dict[tuple[str, str], Lessons] = {}
         self._experiences: dict[str, list[Experience]] = {}
         explored = [(unit, rows[unit.keys[0]]) for unit in design.exploring]
@@ -105,16 +103,15 @@ class School:
         known = dict(self._experiences)
         rows = list(self._design.subjects)
         bank, asked = arm.name, None
-        if arm.source == "best_theta":
-            known = {subject: known.get(subject, [])}
         if arm.source == "shuffled":
-            others = others_of(subject, rows)
+            place = rows.index(subject)
+            others = [*rows[place + 1 :], *rows[:place]]
             # Another family of the same task comes first: only the family's own numbers differ.
             others.sort(key=lambda other: other.partition(FAMILY)[0] != subject.partition(FAMILY)[0])
             asked = next((e.episode.task for other in others for e in known.get(other, ())), None)
             # An arm that asks about another row must not know the row's own lessons: it has a bank for each row.
             known.pop(subject, None)
-            bank = f"{arm.name}-{rows.index(subject)}"
+            bank = f"{arm.name}-{place}"
         if has_bank(self._registry, arm):
             self._lessons[key] = Lessons(self._bank(unit, bank, known), asked=asked)
         else:

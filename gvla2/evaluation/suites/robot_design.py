@@ -1,4 +1,4 @@
-"""The robot suite's design: each planner's episodes, what identifies them, and what they have in common."""
+"""The robot suite's design: its episodes, what identifies them, and what they have in common."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
 
-from gvla2.component import ComponentConfig, described
+from gvla2.component import described
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import MEMORY, BenchArm, chosen_arms, chosen_memory
 from gvla2.evaluation.components import (
@@ -15,7 +15,6 @@ from gvla2.evaluation.components import (
     code_of,
     configured,
     given_label,
-    given_options,
     model_label,
     named_tasks,
     noise_label,
@@ -25,7 +24,7 @@ from gvla2.evaluation.components import (
 )
 from gvla2.evaluation.config import LEARNABLE, RobotBench
 from gvla2.evaluation.results import cell_key, versions
-from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, components
+from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, chosen_components
 from gvla2.plugins.assembly import GEOMETRY, LOOP
 from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK
 from gvla2.plugins.registry import Registry
@@ -47,10 +46,10 @@ TASKS = (
     "sort_mustard", "open_wine", "lamp_on", "put_knife", "pick_and_lift", "insert_block",
 )  # fmt: skip
 """The paper's tasks in its order, measured where none are named."""
-HOUSE = (
+SETTING = (
     "robot",
     "perceiver",
-    "parts",
+    "components",
     "branch",
     "verifier",
     "depth_noise",
@@ -59,7 +58,7 @@ HOUSE = (
     "replan",
     "max_parts",
 )
-"""Factors that planners must share to be compared; tables leave out those with the usual value."""
+"""Factors that rows must share to be compared; tables leave out those with the usual value."""
 MEASURING_CODE = (
     "gvla2.episode", "gvla2.evaluation.arms", "gvla2.evaluation.suites.robot", "gvla2.evaluation.suites.robot_episodes",
     "gvla2.geometry", "gvla2.memory", "gvla2.perception", "gvla2.planning",
@@ -72,71 +71,50 @@ ASKING_CODE = ("gvla2.language",)
 
 @dataclass(frozen=True)
 class Design:
-    """One planner's episodes in one world; ``config`` is the bench with it, ``place`` a folder name of its own.
+    """The episodes in one world; ``config`` is the bench with that world alone.
 
     ``subjects`` are the rows: their names with the task's name and options.
     """
 
     config: RobotBench
-    place: str
     subjects: Mapping[str, Mapping[str, Any]]
     plan: Sequence[EpisodeUnit]
     exploring: Sequence[EpisodeUnit]
 
 
-def place_of(config: RobotBench) -> str:
-    """A folder name for a planner, in a learnable world with the world's number."""
-    world = f"-world{config.seeds[0]}" if config.world == LEARNABLE else ""
-    return f"{config.planner.name}{world}"
+def world_of(config: RobotBench) -> str:
+    """The name of a design's world: "plain", or "learnable" with its number."""
+    return f"{config.world}-{config.seeds[0]}" if config.world == LEARNABLE else config.world
 
 
 def designs(config: RobotBench, registry: Registry) -> list[Design]:
-    """A design for each planner of the bench, all over the same rows, arms and layouts.
-
-    In a learnable world a planner has one for each seed, since each is a different world, explored anew.
+    """The bench's design; in a learnable world one for each seed, since each is a different world, explored anew.
 
     Raises :class:`ConfigurationError` for names and options that do not exist, and for a layout that exploration uses
     too.
     """
     arms = chosen_arms(config, registry)
-    planners = list(dict.fromkeys(config.planners)) or [config.planner.name]
-    require_among("planner_options", config.planner_options, {*planners, config.teacher} - {""}, "planners")
     _check_seeds(config, learns=any(arm.learns for arm in arms))
     seeds = [[seed] for seed in dict.fromkeys(config.seeds)] if config.world == LEARNABLE else [config.seeds]
-    return [
-        _design(
-            with_planner(replace(config, seeds=world), registry, name),
-            with_planner(replace(config, seeds=world), registry, config.teacher or name),
-            registry,
-            arms,
-        )
-        for world in seeds
-        for name in planners
-    ]
+    return [_design(replace(config, seeds=world), registry, arms) for world in seeds]
 
 
 def _check_seeds(config: RobotBench, learns: bool) -> None:
     """Raises :class:`ConfigurationError` if exploration could use a test's layout, or would do nothing."""
-    usable = all(0 <= seed < STRIDE for seed in config.exploration_seeds)
-    shared = sorted(set(config.exploration_seeds) & set(config.layouts)) if learns else []
-    for wrong, message in (
-        (config.teacher and not learns, f"teacher is '{config.teacher}', but no arm learns."),
-        (
-            learns and not config.exploration_seeds,
-            "exploration_seeds is empty, but there are arms that learn.",
-        ),
-        (config.episodes > STRIDE, f"episodes is {config.episodes}; {STRIDE} at most fit to one seed."),
-        (
-            not usable,
-            f"exploration_seeds {config.exploration_seeds} are not in [0, {STRIDE}): higher ones lay out the test.",
-        ),
-        (
-            shared,
-            f"layouts {shared} are among the exploration_seeds: an explored layout cannot be a test. Choose others.",
-        ),
-    ):
-        if wrong:
-            raise ConfigurationError(message)
+    explored = config.exploration_seeds
+    shared = sorted(set(explored) & set(config.layouts)) if learns else []
+    if learns and not explored:
+        raise ConfigurationError("exploration_seeds is empty, but there are arms that learn.")
+    if config.episodes > STRIDE:
+        raise ConfigurationError(f"episodes is {config.episodes}; {STRIDE} at most fit to one seed.")
+    if not all(0 <= seed < STRIDE for seed in explored):
+        raise ConfigurationError(
+            f"exploration_seeds {explored} are not in [0, {STRIDE}): higher ones lay out the test."
+        )
+    if shared:
+        raise ConfigurationError(
+            f"layouts {shared} are among the exploration_seeds: an explored layout cannot be a test. Choose others."
+        )
 
 
 def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]]:
@@ -184,58 +162,36 @@ def ordered(tasks: Sequence[str]) -> list[str]:
     return [name for name in TASKS if name in chosen] + [name for name in chosen if name not in TASKS]
 
 
-def others_of(subject: str, rows: Sequence[str]) -> list[str]:
-    """The rows that could stand in for one, for the control ``shuffled``: the next one first, never itself."""
-    place = list(rows).index(subject)
-    return [*rows[place + 1 :], *rows[:place]]
-
-
-def with_planner(config: RobotBench, registry: Registry, name: str) -> RobotBench:
-    """The bench with one of its planners, configured; a planner is not its own fallback."""
-    registry.get("planner", name)
-    place, known = f"planner_options.{name}", options_of(registry, "planner", name)
-    given = given_options(place, config.planner_options.get(name) or {}, f"the planner '{name}'", known)
-    own = config.planner if config.planner.name == name else None
-    base = {"name": name} if own is None else asdict(own)
-    planner = own if own and not given else registry.configure({"planner": {**base, **given}}, "planner")[0]
-    fallback = ComponentConfig(name=NONE) if config.fallback.name == name else config.fallback
-    return replace(config, planner=planner, fallback=fallback)
-
-
-def _design(config: RobotBench, teaching: RobotBench, registry: Registry, arms: Sequence[BenchArm]) -> Design:
-    """One planner's episodes with their keys, which name everything that could change them.
-
-    ``teaching`` is the bench with the planner that explores.
-    """
+def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) -> Design:
+    """The episodes with their keys, which name everything that could change them."""
     rows = subjects(config, registry)
     if len(rows) == 1 and any(arm.source == "shuffled" for arm in arms):
         raise ConfigurationError("The arm 'shuffled' recalls for another task: name two tasks or more.")
-    explored = rows if any(arm.learns for arm in arms) else {}
-    around, taught = _around(config, registry, rows), _around(teaching, registry, explored)
+    around = _around(config, registry, rows)
+    explored = list(rows) if any(arm.learns for arm in arms) else []
     how = (config.exploration, config.exploration_replan)
     explorer = BenchArm(EXPLORED, "off", replan=config.exploration_replan)
     exploring = []
     for subject, seed in product(explored, dict.fromkeys(config.exploration_seeds)):
         here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
-        keys: tuple[str, ...] = (cell_key(EXPLORATION, here, taught[subject], *how),)
-        factors = {**here, "planner": planner_label(teaching)}
-        name = f"{teaching.planner.name}, {subject}, {EXPLORED}"
-        exploring.append(EpisodeUnit(keys, name, teaching, subject, rows[subject], explorer, seed, factors))
-    lessons = (list(explored), config.exploration_seeds, *how, list(taught.values()))
-    common, label, teacher = _common(config, registry), planner_label(config), planner_label(teaching)
+        keys: tuple[str, ...] = (cell_key(EXPLORATION, here, around[subject], *how),)
+        factors = {**here, "planner": planner_label(config)}
+        label = f"{subject}, {EXPLORED}"
+        exploring.append(EpisodeUnit(keys, label, config, subject, rows[subject], explorer, seed, factors))
+    lessons = (explored, config.exploration_seeds, *how, [around[subject] for subject in explored])
+    common = _common(config, registry)
     plan = []
     for (subject, task), arm in product(rows.items(), arms):
         past: Any = (lessons, _memory_key(config, registry, arm)) if arm.learns else ()
         past = (past, arm.replan)
         own = {"variant": arm.variant} if arm.variant else {}
-        if arm.learns:
-            own |= {"learning": _learning_label(config), "teacher": teacher if teacher != label else ""}
+        own |= {"learning": _learning_label(config)} if arm.learns else {}
         for place, layout in _places(config):
             here = {"task": subject, "arm": arm.name, **place}
             keys = tuple(cell_key(SUITE, here, p, around[subject], past) for p in PROFILES)
-            name, factors = f"{config.planner.name}, {subject}, {arm.name}", {**here, **own, **common}
-            plan.append(EpisodeUnit(keys, name, config, subject, task, arm, layout, factors, PROFILES))
-    return Design(config, place_of(config), rows, plan, exploring)
+            label, factors = f"{subject}, {arm.name}", {**here, **own, **common}
+            plan.append(EpisodeUnit(keys, label, config, subject, task, arm, layout, factors, PROFILES))
+    return Design(config, rows, plan, exploring)
 
 
 def _around(
@@ -247,15 +203,13 @@ def _around(
     found = {}
     for subject, task in rows.items():
         kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" or OWN_TASK not in task["name"]]
-        typed = configured(registry, components(config, task), kinds)
+        typed = configured(registry, chosen_components(config, task), kinds)
         code = code_of(typed, *MEASURING_CODE, *asking)
         found[subject] = (list(map(asdict, typed)), *shared, code, VERSION)
     return found
 
 
 def _memory_key(config: RobotBench, registry: Registry, arm: BenchArm) -> Any:
-    if arm.source == "best_theta":
-        return arm.source
     typed = configured(registry, chosen_memory(config, registry, arm, ""), MEMORY)
     return [arm.source, list(map(asdict, typed)), code_of(typed)]
 
@@ -303,11 +257,11 @@ def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:
     """The factors that all episodes of a design share; those with the usual value are left out."""
     refined = config.reconstructor.name not in ("", NONE)
     also = {kind: getattr(config, kind) for kind in ("camera", *(GEOMETRY if refined else ()))}
-    parts = [f"{kind} {described(one)}" for kind, one in also.items() if one.name not in ("", NONE)]
+    components = [f"{kind} {described(one)}" for kind, one in also.items() if one.name not in ("", NONE)]
     optional: dict[str, str | int] = {
         "branch": config.branch.label() if config.branch.changed() else "",
         "world": config.world if config.world == LEARNABLE else "",
-        "parts": ", ".join(parts),
+        "components": ", ".join(components),
         "replan": config.replan,
         "max_parts": config.max_parts if config.max_parts != RobotBench().max_parts else "",
     }

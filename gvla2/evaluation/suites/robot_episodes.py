@@ -13,7 +13,6 @@ from gvla2.episode.record import VOID, EpisodeRecord, Stage
 from gvla2.evaluation.arms import (
     MEMORY,
     BenchArm,
-    BestTheta,
     Experience,
     Frozen,
     Shuffled,
@@ -67,7 +66,7 @@ class EpisodeUnit(Unit):
     lessons: Lessons = Lessons()
 
 
-def components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, Any]:
+def chosen_components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, Any]:
     """What to build for a task, by kind, without its memory."""
     kinds = ("camera", *LOOP, *GEOMETRY, *MEMORY[1:], "language")
     chosen = {kind: getattr(config, kind) for kind in kinds if kind != "task"}
@@ -78,11 +77,11 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
     """Run the episode here. One in which a component crashed is a failure; the next has fresh components."""
     exploring = unit.arm.name == EXPLORED
     with _memory(unit, registry) as memory:
-        parts = replace(_components_of(unit, registry), memory=memory)
+        components = replace(_components_of(unit, registry), memory=memory)
         if exploring:
-            parts = replace(parts, planner=_exploring(unit, registry, parts))
-        record, seconds = _run(unit, parts)
-        explored = Experience.of(record, parts.skills) if exploring else ()
+            components = replace(components, planner=_exploring(unit, registry, components))
+        record, seconds = _run(unit, components)
+        explored = Experience.of(record, components.skills) if exploring else ()
     if failure_class(record) == "error":
         release()
     return cells_of(unit, record, seconds, explored)
@@ -98,7 +97,7 @@ class _Latest(SilentListener):
         self.record = record
 
 
-def _run(unit: EpisodeUnit, parts: Components) -> tuple[EpisodeRecord, float]:
+def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, float]:
     """The episode's record, and its seconds."""
     config, arm, listener = unit.config, unit.arm, _Latest()
     request = EpisodeRequest(
@@ -111,7 +110,7 @@ def _run(unit: EpisodeUnit, parts: Components) -> tuple[EpisodeRecord, float]:
     )
     started = time.perf_counter()
     with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours
-        run_episode(parts, request, listener)
+        run_episode(components, request, listener)
     seconds = time.perf_counter() - started
     assert listener.record is not None
     return listener.record, round(seconds, 3)
@@ -204,12 +203,12 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-def _exploring(unit: EpisodeUnit, registry: Registry, parts: Components) -> Any:
+def _exploring(unit: EpisodeUnit, registry: Registry, components: Components) -> Any:
     """The planner with its theta varied, differently in each episode; unchanged if it has no such option."""
     planner: Any = unit.config.planner
     if {"explore", "explore_seed"} <= {field.name for field in fields(planner)}:
         planner = replace(planner, explore=unit.config.exploration, explore_seed=unit.layout)
-    given = {"language": parts.language} if parts.language else None
+    given = {"language": components.language} if components.language else None
     return registry.build({"planner": planner}, "planner", given)
 
 
@@ -217,9 +216,6 @@ def _exploring(unit: EpisodeUnit, registry: Registry, parts: Components) -> Any:
 def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
     """The frozen memory of the episode's arm."""
     arm, lessons = unit.arm, unit.lessons
-    if arm.source == "best_theta":
-        yield BestTheta(lessons.experiences)
-        return
     with closing(registry.build(chosen_memory(unit.config, registry, arm, lessons.bank), "memory")) as memory:
         if not has_bank(registry, arm):
             teach(memory, lessons.experiences)
@@ -234,7 +230,7 @@ def _components_of(unit: EpisodeUnit, registry: Registry) -> Components:
     key = repr((unit.config, unit.task))
     if key not in _kept:
         release()
-        root = components(unit.config, unit.task)
+        root = chosen_components(unit.config, unit.task)
         names = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
         _kept[key] = build_components(root, registry, {**names, "task": unit.subject}, unit.config.branch)
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm.name})
@@ -242,7 +238,7 @@ def _components_of(unit: EpisodeUnit, registry: Registry) -> Components:
 
 def release() -> None:
     """Close the components that this process keeps."""
-    for parts in _kept.values():
-        parts.robot.close()
-        parts.memory.close()
+    for components in _kept.values():
+        components.robot.close()
+        components.memory.close()
     _kept.clear()

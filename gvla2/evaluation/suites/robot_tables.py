@@ -17,14 +17,14 @@ from gvla2.evaluation.statistics import (
     wilson_interval,
     won_and_lost,
 )
-from gvla2.evaluation.suites.robot_design import HOUSE, NAMED, PROFILES, ordered
+from gvla2.evaluation.suites.robot_design import NAMED, PROFILES, SETTING, ordered
 from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, Tone, runs_of, text_cell
 from gvla2.record.text import count
 
 PLANNER = ("planner", "model")
-"""Factors that the arms of a comparison share, besides the house."""
-EPISODE = (*PLANNER, "task", "arm", "variant", "teacher", "learning", "profile", "seed", "episode")
-"""Factors that distinguish the episodes of a house."""
+"""Factors that the arms of a comparison share, besides the setting."""
+EPISODE = (*PLANNER, "task", "arm", "variant", "learning", "profile", "seed", "episode")
+"""Factors that distinguish the episodes of a setting."""
 SURE = 0.05
 """An adjusted p below it is coloured."""
 SUCCESS = (
@@ -53,20 +53,17 @@ def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     """For each group of comparable cells: success by profile, the differences between arms, the failures."""
     given = list(cells)
     order = list(grouped(given, *PLANNER))
-    once = latest(given, lambda cell: cell.texts(*HOUSE, *EPISODE))
-    kept = sorted(once, key=lambda cell: (cell.texts(*HOUSE), order.index(cell.texts(*PLANNER))))
-    return [sheet for found in grouped(kept, *HOUSE).values() for sheet in _of_house(_with_arms(found))]
+    once = latest(given, lambda cell: cell.texts(*SETTING, *EPISODE))
+    kept = sorted(once, key=lambda cell: (cell.texts(*SETTING), order.index(cell.texts(*PLANNER))))
+    return [sheet for found in grouped(kept, *SETTING).values() for sheet in _of_setting(_with_arms(found))]
 
 
 def _with_arms(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells with their arms' names in tables: with a variant's options, the exploring planner if another, and how
-    it learns where cells differ.
-    """
+    """The cells with their arms' names in tables: with a variant's options, and how it learns where cells differ."""
     several, named = len(_learnings(cells)) > 1, []
     for cell in cells:
-        arm, variant, teacher, learning = cell.texts("arm", "variant", "teacher", "learning")
-        taught = f"taught by {teacher}" if teacher else ""
-        options = ", ".join(filter(None, (variant, taught, learning if several else "")))
+        arm, variant, learning = cell.texts("arm", "variant", "learning")
+        options = ", ".join(filter(None, (variant, learning if several else "")))
         named.append(replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm}))
     return named
 
@@ -76,14 +73,14 @@ def _learnings(cells: Sequence[Cell]) -> set[str]:
     return {str(cell.factors["learning"]) for cell in cells if "learning" in cell.factors}
 
 
-def _of_house(cells: Sequence[Cell]) -> list[Sheet]:
+def _of_setting(cells: Sequence[Cell]) -> list[Sheet]:
     tasks = ordered([task for (task,) in grouped(cells, "task")])
     columns = _columns(cells)
-    title = _title(cells, HOUSE if len(grouped(cells, "planner")) > 1 else (*HOUSE, *PLANNER))
+    title = _title(cells, SETTING if len(grouped(cells, "planner")) > 1 else (*SETTING, *PLANNER))
     sheets = [_success(columns, tasks, profile, f"{title}: success, {profile}") for profile in PROFILES]
     for found in grouped(cells, *PLANNER).values():
         if len(grouped(found, "arm")) > 1:
-            sheets.append(_effects(found, f"{_title(found, (*HOUSE, *PLANNER))}: what memory adds"))
+            sheets.append(_effects(found, f"{_title(found, (*SETTING, *PLANNER))}: what memory adds"))
     sheets.append(_failures(columns, f"{title}: failures"))
     counted = f"{count(len(tasks), 'task')}, {count(len(_of_profile(cells, PROFILES[0])), 'episode')}"
     return [replace(sheet, counts=counted, runs=runs_of(cells)) for sheet in sheets]
@@ -210,8 +207,7 @@ def _effects(cells: Sequence[Cell], title: str) -> Sheet:
     """Every arm against memory off, and memory on against every other."""
     arms = _arms(cells)
     against = [(arm, "off") for arm in arms if arm != "off" and "off" in arms]
-    on = next((arm for arm in arms if arm == "on" or arm.startswith("on (taught by ")), "")
-    against += [(on, arm) for arm in arms if on and arm not in (on, "off")]
+    against += [("on", arm) for arm in arms if "on" in arms and arm not in ("on", "off")]
     by_arm = grouped(cells, "arm", "profile")
     rows = []
     for second, first in against:

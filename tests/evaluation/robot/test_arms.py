@@ -2,13 +2,10 @@
 
 import json
 from contextlib import closing
-from dataclasses import replace
 
-import pytest
-
-from gvla2.evaluation.arms import CERTAIN, BestTheta, Experience, Frozen, Shuffled, teach
+from gvla2.evaluation.arms import Experience, Frozen, Shuffled, teach
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.planning.effects import apply_effects, effect_from_json
+from gvla2.planning.effects import effect_from_json
 from gvla2.plugins.registry import load_plugins
 
 GOOD = Verdict.from_criteria({"completion": 1.0}, verifier="test")
@@ -32,31 +29,6 @@ def experience(
 def test_experience_survives_json():
     one = experience(3, 0.02, GOOD)
     assert Experience.from_json(json.loads(json.dumps(one.to_json()))) == one
-
-
-def test_the_best_theta_is_the_mean_of_what_succeeded_and_replaces_the_default():
-    program = {
-        "kind": "program",
-        "skill": "pick",
-        "language": "calls",
-        "roles": {"theme": "red cube box"},
-        "steps": ["pick({theme})"],
-    }
-    shown = experience(3, 0.5, GOOD)
-    shown = replace(
-        shown, episode=replace(shown.episode, lessons=(Lesson("procedural_hint", "What was done.", program),))
-    )
-    arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD), shown])
-    context = arm.recall(MemoryTask("lift the red cube"))
-    (item,) = context.items
-    effect = effect_from_json(item.effect, source=item.id)
-    assert (effect.value, effect.count) == (pytest.approx(0.03), CERTAIN)
-    theta, _ = apply_effects({"grasp_depth": 0.01}, [effect], "pick")
-    assert theta["grasp_depth"] == pytest.approx(0.03, rel=1e-4)
-    assert arm.learn(experience(0, 0.02, GOOD).episode, GOOD).added == ()
-    empty = BestTheta([experience(2, 0.9, BAD)]).recall(MemoryTask("lift the red cube"))
-    assert empty.items == ()
-    assert empty.abstained
 
 
 def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_for_another(tmp_path):

@@ -1,0 +1,227 @@
+"""Results of MV-SAM3D, SAM3D and related programs: reading them, and moving them into the calibrated frame.
+
+Gauss-Newton on silhouettes finds the similarity: the mesh is drawn into each view; where its silhouette has its rim, a
+point of the surface is known (depth map), and the mask's signed distance at that pixel should be zero. One residual a
+rim pixel, seven unknowns.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.gaussians import Gaussians, read_gaussians
+from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh_files import read_mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.carving import carve
+from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_agreement, mask_iou, mask_silhouettes
+from gvla2.reconstruction.sim3 import Sim3
+from gvla2.reconstruction.surfels import surfels
+
+if TYPE_CHECKING:
+    from gvla2_plugins.sam3d import ResultTreeConfig
+
+_POOR = 0.6
+"""Mean IoU with the masks below which an alignment is called poor."""
+_CAMERA_FROM_P3D = np.diag([-1.0, -1.0, 1.0])  # PyTorch3D's cameras look along z too, with x left and y up
+
+
+def read_result(folder: Path, stem: str = "result") -> tuple[Reconstruction, Sim3 | None]:
+    """``<stem>.glb`` (mesh) with ``<stem>.ply`` (Gaussians) where it is, in a canonical frame, Z-up, and their pose.
+
+    The pose, of ``params.npz``, takes them into the frame of the first camera (OpenCV), up to the scale of the depth
+    that they were made with; None if the result does not say. Raises :class:`GeometryError`, naming the file, when the
+    mesh is absent or a file is broken.
+    """
+    ply, glb = folder / f"{stem}.ply", folder / f"{stem}.glb"
+    if not glb.is_file():
+        present = ", ".join(sorted(p.name for p in folder.iterdir())[:8])
+        raise GeometryError(f"{folder} has no {glb.name}. It holds: {present or 'nothing'}.")
+    gaussians = read_gaussians(ply) if ply.is_file() else None
+    return Reconstruction(gaussians, read_mesh(glb), glb=glb), _read_pose(folder / "params.npz")
+
+
+def _read_pose(path: Path) -> Sim3 | None:
+    """The pose of ``params.npz``: scale, rotation (wxyz) and translation in PyTorch3D's row convention."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
+            if not {"scale", "rotation", "translation"} <= set(arrays.files):
+                return None
+            scale = float(np.mean(arrays["scale"]))
+            rotation = Rotation.from_quat(np.ravel(arrays["rotation"]), scalar_first=True).as_matrix()
+            translation = np.asarray(arrays["translation"], dtype=np.float64).reshape(3)
+        # Rows are multiplied from the right there: p (s R) + t, so that R turns the other way round.
+        return Sim3(scale, _CAMERA_FROM_P3D @ rotation.T, _CAMERA_FROM_P3D @ translation)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, GeometryError) as error:
+        raise GeometryError(f"Cannot read the pose {path}: {error}") from error
+
+
+def align_result(result: Reconstruction, pose: Sim3 | None, views: Views, count: int) -> Reconstruction:
+    """The result in the views' calibrated frame, aligned with the masks by a similarity.
+
+    Starts from the result's own pose when it has one, whose scale about the first camera is searched over four decades;
+    else from the 24 quarter turns, each fitted to the masks' carved hull. A result without Gaussians gets ``count``
+    flat ones on its mesh. The status says how well the silhouettes fit if they fit poorly.
+    """
+    mesh, camera, notes = result.mesh, views[0].camera, []
+    assert mesh is not None
+    if pose is not None:
+        in_world = Sim3(1.0, camera.world_from_camera[:3, :3], camera.position).compose(pose)
+        scales = np.geomspace(0.01, 100.0, 81)
+        starts = [Sim3(float(s), np.eye(3), (1 - s) * camera.position).compose(in_world) for s in scales]
+    else:
+        target, turns = carve(views, resolution=32).mesh.bounds, Rotation.create_group("O").as_matrix()
+        starts = [Sim3(1.0, np.eye(3), np.zeros(3)), *(_fitted(mesh, target, turn) for turn in turns)]
+    sim3, iou = register(mesh, views, starts)
+    if (gaussians := result.gaussians) is None:
+        gaussians = surfels(mesh, None, count)
+        notes.append("the result has no .ply, flat Gaussians lie on the mesh")
+    if iou < _POOR:
+        notes.append(f"the silhouettes fit poorly, mean IoU {iou:.2f}")
+    status = f"fallback: {'; '.join(notes)}" if notes else "ok"
+    return Reconstruction(place_gaussians(gaussians, sim3), place_mesh(mesh, sim3), status, result.glb)
+
+
+def place_gaussians(gaussians: Gaussians, sim3: Sim3) -> Gaussians:
+    """Gaussians in the similarity's target frame, with their scales and rotations.
+
+    Harmonics that depend on the direction of view are dropped; the Gaussians of these programs have none.
+    """
+    own = Rotation.from_quat(gaussians.rotations, scalar_first=True)
+    turned = (Rotation.from_matrix(sim3.rotation) * own).as_quat(scalar_first=True)
+    return replace(
+        gaussians,
+        centres=sim3.apply(gaussians.centres).astype(np.float32),
+        log_scales=gaussians.log_scales + np.float32(np.log(sim3.scale)),
+        rotations=turned.astype(np.float32),
+        sh_rest=None,
+    )
+
+
+def place_mesh(mesh: TriangleMesh, sim3: Sim3) -> TriangleMesh:
+    """The mesh in the similarity's target frame."""
+    return mesh.with_vertices(sim3.apply(mesh.vertices))
+
+
+_ITERATIONS = 12
+_HUBER = 3.0  # pixels
+_DAMPING = 1e-3
+_RIM = 400  # rim pixels used per view
+_GOOD = 0.95  # IoU at which no further start is tried
+_TRIED_FURTHER = 4  # number of starts refined; the others fit too badly
+
+
+def register(mesh: TriangleMesh, views: Views, starts: Sequence[Sim3]) -> tuple[Sim3, float]:
+    """The similarity that fits a mesh's silhouettes to the masks, and its mean IoU with them.
+
+    The likeliest starts are refined; that converges from displacements of about a quarter of the object. Raises
+    :class:`GeometryError` when no view shows the object.
+    """
+    shown, _ = mask_silhouettes(views)
+    scores = [mask_agreement(place_mesh(mesh, start), shown) for start in starts]
+    best, iou = starts[0], -1.0
+    for i in np.argsort(-np.array(scores), kind="stable")[:_TRIED_FURTHER]:
+        found, fits = _refine(mesh, shown, starts[i])
+        best, iou = (found, fits) if fits > iou else (best, iou)
+        if iou > _GOOD:
+            break
+    return best, iou
+
+
+def _fitted(mesh: TriangleMesh, target: FloatArray, turn: FloatArray) -> Sim3:
+    """The turn, with scale and place such that the mesh's box has the size and middle of the box ``target`` (2, 3)."""
+    box = mesh.bounds @ turn.T
+    sizes = np.maximum(np.ptp(box, axis=0), 1e-9)
+    scale = float(np.exp(np.mean(np.log(target[1] - target[0]) - np.log(sizes))))
+    return Sim3(scale, turn, target.mean(axis=0) - scale * box.mean(axis=0))
+
+
+def _refine(mesh: TriangleMesh, shown: Sequence[Silhouette], start: Sim3) -> tuple[Sim3, float]:
+    """Levenberg-Marquardt with Huber weights; the best similarity seen on the way, and its IoU."""
+    best, best_iou, now = start, -1.0, start
+    for _ in range(_ITERATIONS + 1):
+        placed = place_mesh(mesh, now)
+        depths = depth_maps(placed, [s.camera for s in shown])
+        iou = float(np.mean([mask_iou(np.isfinite(d), s) for d, s in zip(depths, shown, strict=True)]))
+        if iou > best_iou:
+            best, best_iou = now, iou
+        centre = placed.vertices.mean(axis=0)
+        size = float(np.linalg.norm(placed.vertices - centre, axis=1).max())
+        rows = [_residuals(d, s, centre, size) for d, s in zip(depths, shown, strict=True)]
+        residual = np.concatenate([r for r, _ in rows])
+        if len(residual) < 7:
+            break
+        jacobian = np.concatenate([j for _, j in rows])
+        weight = np.minimum(1.0, _HUBER / np.maximum(np.abs(residual), 1e-9))
+        normal = jacobian.T @ (weight[:, None] * jacobian)
+        normal += _DAMPING * np.diag(np.maximum(np.diag(normal), 1e-9 * np.trace(normal) + 1e-12))
+        step = np.clip(-np.linalg.solve(normal, jacobian.T @ (weight * residual)), -0.3, 0.3)
+        if float(np.abs(step).max()) < 1e-5:
+            break
+        # Shift (in units of the object's size), turn and scale about the object's centre.
+        rotation, scale = Rotation.from_rotvec(step[3:6]).as_matrix(), float(np.exp(step[6]))
+        now = Sim3(scale, rotation, centre + size * step[:3] - scale * rotation @ centre).compose(now)
+    return best, best_iou
+
+
+def _residuals(
+    depth: NDArray[np.float32], s: Silhouette, centre: FloatArray, size: float
+) -> tuple[FloatArray, FloatArray]:
+    """Signed pixels (M,) from the rim of the drawn mesh to the mask's contour, and their derivatives (M, 7)."""
+    covered = np.isfinite(depth)
+    rim = covered & ~binary_erosion(covered, border_value=1)
+    pixels = np.argwhere(rim & np.isfinite(s.distance))
+    pixels = pixels[:: max(1, len(pixels) // _RIM)]
+    z = depth[pixels[:, 0], pixels[:, 1]].astype(np.float64)
+    uv = pixels[:, ::-1].astype(np.float64) + 0.5
+    local = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(s.camera.K).T * z[:, None]
+    points = local @ s.camera.world_from_camera[:3, :3].T + s.camera.position
+    # Of the mask's signed distance along u and v, central differences.
+    slope = [np.clip(0.5 * (s.sample(uv + step) - s.sample(uv - step)), -1.5, 1.5) for step in np.eye(2)]
+    # d(u, v)/d(x, y, z) in the camera, contracted with the distance's slope.
+    along = np.column_stack(slope) @ s.camera.K[:2, :2] / z[:, None]
+    along_z = -np.einsum("mk,mk->m", along, local[:, :2]) / z
+    world = np.column_stack([along, along_z]) @ s.camera.world_from_camera[:3, :3].T
+    arm = points - centre
+    jacobian = np.column_stack([size * world, np.cross(arm, world), np.einsum("ij,ij->i", world, arm)])
+    # The rim pixel's centre lies half a pixel inside the drawn silhouette.
+    return s.sample(uv) - 0.5, jacobian
+
+
+class ResultTreeReconstructor:
+    """Reads the tree again for each call, so that it may be filled while a sweep runs.
+
+    Raises :class:`ConfigurationError` when root or object is not given.
+    """
+
+    def __init__(self, config: ResultTreeConfig) -> None:
+        if not (config.root and config.object):
+            raise ConfigurationError(
+                f"result_tree reads <root>/<object>/{config.views}views: give both reconstructor.root=PATH and "
+                "reconstructor.object=NAME."
+            )
+        self._config = config
+
+    def reconstruct(self, views: Views) -> Reconstruction:
+        """The result in the views' frame; a :class:`gvla2.errors.GeometryError` names the missing or broken file."""
+        c, root = self._config, Path(self._config.root)
+        folder = root / c.object / f"{c.views}views"
+        if not folder.is_dir():
+            there = sorted(str(p.parent.relative_to(root)) for p in root.glob("*/*views/result.*"))
+            raise GeometryError(f"There is no folder {folder}. Results there: {', '.join(there) or 'none'}.")
+        return align_result(*read_result(folder), views, c.gaussians)
