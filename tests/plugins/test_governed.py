@@ -17,8 +17,7 @@ from gvla2.memory.induction import RulesInducer
 from gvla2.memory.store import settled
 from gvla2.testing import check_component
 from gvla2_plugins import embedders, governed, hybrid
-from gvla2_plugins.governed import GovernedConfig
-from gvla2_plugins.governed.memory import GovernedMemory
+from gvla2_plugins.governed import GovernedConfig, GovernedMemory
 
 TASK = MemoryTask("Pick up the red cube", {"objects": 3.0}, "pick")
 LESSON = Lesson("procedural_hint", "Pick up a small box: grasp it deep.")
