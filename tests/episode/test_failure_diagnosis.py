@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gvla2.episode.advice import advice_for
 from gvla2.episode.failure_diagnosis import diagnose
+from gvla2.episode.planning import advice_for
 from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.transform import rigid
 from gvla2.planning.contracts import Candidate, Done, Plan
