@@ -90,25 +90,6 @@ def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, ve
     assert bank.verify() == []
 
 
-def test_texts_that_may_contradict_each_other_both_stay(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    for text in ("Open the lid before pouring the tea.", "Close the lid before pouring the tea."):
-        bank.admit(text, verdicts["success"], task="pour the tea", trusted=True)
-    assert [r.state for r in bank.records()] == ["active", "active"]
-    assert not look(bank.store, bank.bank).links()
-
-
-def test_a_merge_pools_evidence_and_phrasings(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    first, other = "Grip the mug by its handle near the top.", "grip the mug  by its handle near the top."
-    (kept,) = bank.admit(first, verdicts["success"], task="take the mug", trusted=True).added
-    for task in ("fetch the mug", "bring the mug"):
-        assert bank.admit(other, verdicts["success"], task=task, trusted=True).merged == (kept,)
-    (record,) = bank.records()
-    assert record.count == 3
-    assert record.query.split("\n") == ["take the mug", "fetch the mug", "bring the mug"]
-
-
 def test_programs_never_contradict_each_other_nor_merge(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     for step in ("place({theme}, {goal}, in)", "push({theme}, left)"):
