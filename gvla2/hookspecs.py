@@ -17,7 +17,7 @@ and name, last ``trylast=True``. Hooks have no wrappers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args, get_type_hints
 
 from gvla2.component import hookspec
 
@@ -167,41 +167,18 @@ SKILL_HOOK = gvla2_skills.__name__
 
 def protocol_of(hook: Callable[[], object]) -> type:
     """The protocol of what a hook's components build. Imports the packages that declare the protocols."""
-    from gvla2.agents.contracts import Agent
-    from gvla2.language.contracts import LanguageModel
-    from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
-    from gvla2.planning.contracts import Perceiver, Planner
-    from gvla2.reconstruction.contracts import (
-        AxisCompensation,
-        FusionStrategy,
-        GeometryPrior,
-        Reconstructor,
-        Renderer,
-    )
-    from gvla2.record.tracker import Tracker, Viewer
-    from gvla2.robot.backend import DepthCamera, RobotBackend
-    from gvla2.robot.task import Task
+    from gvla2.agents import contracts as agents
+    from gvla2.component import Component
+    from gvla2.language import contracts as language
+    from gvla2.memory import contracts as memory
+    from gvla2.planning import contracts as planning
+    from gvla2.reconstruction import contracts as reconstruction
+    from gvla2.record import tracker
+    from gvla2.robot import backend, task
 
-    protocols: dict[Callable[[], object], type] = {
-        gvla2_robots: RobotBackend,
-        gvla2_cameras: DepthCamera,
-        gvla2_tasks: Task,
-        gvla2_perceivers: Perceiver,
-        gvla2_reconstructors: Reconstructor,
-        gvla2_geometry_priors: GeometryPrior,
-        gvla2_axis_compensations: AxisCompensation,
-        gvla2_fusion_strategies: FusionStrategy,
-        gvla2_renderers: Renderer,
-        gvla2_memories: Memory,
-        gvla2_retrievers: Retriever,
-        gvla2_embedders: Embedder,
-        gvla2_inducers: Inducer,
-        gvla2_judges: Judge,
-        gvla2_planners: Planner,
-        gvla2_verifiers: Verifier,
-        gvla2_agents: Agent,
-        gvla2_trackers: Tracker,
-        gvla2_views: Viewer,
-        gvla2_language_models: LanguageModel,
-    }
-    return protocols[hook]
+    modules = (agents, language, memory, planning, reconstruction, tracker, backend, task)
+    names = {name: value for module in modules for name, value in vars(module).items()}
+    returned = get_type_hints(hook, localns={**names, "Component": Component, "Iterable": Iterable})["return"]
+    (component,) = get_args(returned)
+    (protocol,) = get_args(component)
+    return protocol  # type: ignore[no-any-return]

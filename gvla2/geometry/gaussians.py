@@ -45,37 +45,26 @@ class Gaussians:
     sh_rest: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
-        centres = np.asarray(self.centres, dtype=np.float32)
-        if centres.ndim != 2 or centres.shape[1] != 3:
-            raise GeometryError(f"Gaussians: centres must be (N, 3), got shape {centres.shape}.")
-        self._stand_at(centres)
-        n = len(centres)
-        shapes = {"log_scales": (n, 3), "rotations": (n, 4), "opacity_logits": (n,), "sh_dc": (n, 3)}
-        for name, shape in shapes.items():
-            self._check(name, shape)
+        n = len(np.atleast_1d(self.centres))
+        shapes: dict[str, tuple[int, ...]] = {"centres": (n, 3), "log_scales": (n, 3), "rotations": (n, 4)}
+        shapes |= {"opacity_logits": (n,), "sh_dc": (n, 3)}
         if self.sh_rest is not None:
             columns = np.shape(self.sh_rest)[-1]
             if columns not in (9, 24, 45):
                 raise GeometryError(f"Gaussians: sh_rest must have 9, 24 or 45 columns, got {columns}.")
-            self._check("sh_rest", (n, columns))
+            shapes["sh_rest"] = (n, columns)
+        for name, shape in shapes.items():
+            array = np.asarray(getattr(self, name), dtype=np.float32)
+            if array.shape != shape:
+                raise GeometryError(f"Gaussians: {name} must have shape {shape}, got {array.shape}.")
+            if np.isnan(array).any():
+                raise GeometryError(f"Gaussians: {name} contains NaN.")
+            object.__setattr__(self, name, array)
         if not self.rotations.any(axis=1).all():
             raise GeometryError("Gaussians: a rotation quaternion has length zero.")
-        if np.isinf(self.rotations).any() or (self.log_scales == np.inf).any():
-            raise GeometryError("Gaussians: a rotation or a scale is infinite.")
-
-    def _stand_at(self, centres: NDArray[np.float32]) -> None:
-        if not np.isfinite(centres).all():
-            count = int((~np.isfinite(centres).all(axis=1)).sum())
-            raise GeometryError(f"Gaussians: {count} of {len(centres)} centres are not finite.")
-        object.__setattr__(self, "centres", centres)
-
-    def _check(self, name: str, shape: tuple[int, ...]) -> None:
-        array = np.asarray(getattr(self, name), dtype=np.float32)
-        if array.shape != shape:
-            raise GeometryError(f"Gaussians: {name} must have shape {shape}, got {array.shape}.")
-        if np.isnan(array).any():
-            raise GeometryError(f"Gaussians: {name} contains NaN.")
-        object.__setattr__(self, name, array)
+        infinite = np.isinf(self.centres).any() or np.isinf(self.rotations).any()
+        if infinite or (self.log_scales == np.inf).any():
+            raise GeometryError("Gaussians: a centre, a rotation or a scale is infinite.")
 
     def __len__(self) -> int:
         return len(self.centres)
@@ -101,8 +90,10 @@ class Gaussians:
         moved = np.asarray(centres, dtype=np.float32)
         if moved.shape != self.centres.shape:
             raise GeometryError(f"{len(self)} Gaussians cannot take centres of shape {moved.shape}.")
+        if not np.isfinite(moved).all():
+            raise GeometryError("Gaussians: a centre is not finite.")
         made = copy(self)  # what was checked is not checked again
-        made._stand_at(moved)
+        object.__setattr__(made, "centres", moved)
         return made
 
 
@@ -165,18 +156,15 @@ def _vertices(source: Path) -> NDArray[np.void]:
 
 
 def _gaussians(records: NDArray[np.void]) -> Gaussians:
-    names = records.dtype.names or ()
-    rest = sorted((n for n in names if re.fullmatch(r"f_rest_\d+", n)), key=lambda n: int(n[7:]))
+    def columns(*names: str) -> NDArray[np.float32]:
+        return np.stack([records[name] for name in names], axis=1).astype(np.float32)
+
+    rest = [n for n in records.dtype.names or () if re.fullmatch(r"f_rest_\d+", n)]
     return Gaussians(
-        centres=_columns(records, _XYZ),
-        log_scales=_columns(records, _SCALES),
-        rotations=_columns(records, _ROTATIONS),
-        opacity_logits=_columns(records, ("opacity",))[:, 0],
-        sh_dc=_columns(records, _DC),
-        sh_rest=_columns(records, tuple(rest)) if rest else None,
+        columns(*_XYZ),
+        columns(*_SCALES),
+        columns(*_ROTATIONS),
+        columns("opacity")[:, 0],
+        columns(*_DC),
+        columns(*sorted(rest, key=lambda n: int(n[7:]))) if rest else None,
     )
-
-
-def _columns(records: NDArray[np.void], names: tuple[str, ...]) -> NDArray[np.float32]:
-    """(N, len(names)) float32."""
-    return np.stack([records[name] for name in names], axis=1).astype(np.float32)

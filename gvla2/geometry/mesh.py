@@ -18,6 +18,8 @@ GREY = 0.7
 """The colour of a mesh that has none."""
 LEVELS = 7
 """Levels of a texture's pyramid: from the image's own texels to 64 of them in one."""
+UNUSED = 1e-4
+"""Weight in a mean of a texel that no face uses."""
 
 
 @dataclass(frozen=True)
@@ -243,10 +245,8 @@ class Texture:
         painted = 0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
         area = textured.mesh.areas
         density = np.sqrt(np.divide(painted, area, out=np.zeros_like(area), where=area > 0))
-        pyramids = tuple(
-            _pyramid(image, uv[textured.texture == number]) for number, image in enumerate(textured.images)
-        )
-        return cls(uv, np.asarray(textured.texture, dtype=np.int64), density, pyramids)
+        pyramids = [_pyramid(image, uv[textured.texture == n]) for n, image in enumerate(textured.images)]
+        return cls(uv, np.asarray(textured.texture, dtype=np.int64), density, tuple(pyramids))
 
     def at(self, faces: NDArray[np.int64], weights: FloatArray, footprint: FloatArray) -> FloatArray:
         """(N, 3) colours in [0, 1] where pixels meet faces (N,) at barycentric ``weights`` (N, 3).
@@ -266,36 +266,27 @@ class Texture:
 
 
 def _pyramid(image: NDArray[np.uint8], uv: NDArray[np.float32]) -> tuple[NDArray[np.float32], ...]:
-    """The image's averages over the texels that faces ``uv`` (F, 3, 2) use."""
+    """The image, and its averages over blocks of 2, 4, 8, ... texels a side.
+
+    Texels that no face of ``uv`` (F, 3, 2) uses hardly count; odd last rows and columns are left out.
+    """
     height, width = image.shape[:2]
-    canvas = Image.new("1", (width, height))
+    canvas = Image.new("L", (width, height))
     draw = ImageDraw.Draw(canvas)
-    corners = (uv * (width, height)).astype(np.float64)
-    corners[..., 1] = height - corners[..., 1]
-    for face in corners:
-        draw.polygon([(float(x), float(y)) for x, y in face], fill=1, outline=1)
-    weight = np.asarray(canvas, dtype=np.float32)[..., None]
-    colour = np.asarray(image, dtype=np.float32) / 255.0
-    total = colour * weight
-    levels = [_mean(total, weight, colour)]
+    for face in ((uv * (1, -1) + (0, 1)) * (width, height)).astype(np.float64):
+        draw.polygon([(x, y) for x, y in face.tolist()], fill=1, outline=1)
+    weight = np.maximum(np.asarray(canvas, dtype=np.float32), np.float32(UNUSED))[..., None]
+    levels = [np.asarray(image, dtype=np.float32) / np.float32(255)]
+    total = levels[0] * weight
     while len(levels) < LEVELS and min(total.shape[:2]) >= 2:
-        total, weight = _halved(total), _halved(weight)
-        levels.append(_mean(total, weight, _halved(levels[-1]) / 4.0))
+        total, weight = (
+            x[: x.shape[0] // 2 * 2, : x.shape[1] // 2 * 2]
+            .reshape(x.shape[0] // 2, 2, x.shape[1] // 2, 2, -1)
+            .sum(axis=(1, 3))
+            for x in (total, weight)
+        )
+        levels.append(total / weight)
     return tuple(levels)
-
-
-def _mean(
-    total: NDArray[np.float32], weight: NDArray[np.float32], otherwise: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    used = weight > 0
-    return np.where(used, total / np.where(used, weight, 1.0), otherwise).astype(np.float32)
-
-
-def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Sums of blocks of two by two; an odd last row or column is left out."""
-    height, width = image.shape[0] // 2 * 2, image.shape[1] // 2 * 2
-    blocks = image[:height, :width].reshape(height // 2, 2, width // 2, 2, -1)
-    return np.asarray(blocks.sum(axis=(1, 3)), dtype=np.float32)
 
 
 def bilinear(image: NDArray[np.uint8] | NDArray[np.float32], uv: FloatArray) -> FloatArray:

@@ -47,20 +47,19 @@ class Surface:
     texture: Texture | None = None
 
     def __post_init__(self) -> None:
-        what = f"Surface {self.id}"
-        faces = np.asarray(self.faces, dtype=np.int64)
+        what, faces = f"Surface {self.id}", np.asarray(self.faces, dtype=np.int64)
         try:
             mesh = TriangleMesh(self.vertices, faces if faces.size else faces.reshape(-1, 3))
         except GeometryError as error:
             raise GeometryError(f"{what}: {error}") from error
-        vertices, faces, rgb = mesh.vertices, mesh.faces, np.asarray(self.rgb, dtype=np.float64)
-        if rgb.shape not in ((3,), (len(faces), 3)) or not ((rgb >= 0) & (rgb <= 1)).all():
+        count, rgb = len(mesh.faces), np.asarray(self.rgb, dtype=np.float64)
+        if rgb.shape not in ((3,), (count, 3)) or not ((rgb >= 0) & (rgb <= 1)).all():
             raise GeometryError(f"{what}: rgb must be (3,) or (F, 3) in [0, 1], got shape {rgb.shape}.")
         if self.id < 0:
-            raise GeometryError(f"Surface id {self.id}: ids start at 0, -1 stands for the background.")
-        if self.texture is not None and len(self.texture.uv) != len(faces):
-            raise GeometryError(f"{what}: {len(faces)} faces but a texture of {len(self.texture.uv)}.")
-        for name, value in (("vertices", vertices), ("faces", faces), ("rgb", rgb)):
+            raise GeometryError(f"{what}: ids start at 0, -1 stands for the background.")
+        if self.texture is not None and len(self.texture.uv) != count:
+            raise GeometryError(f"{what}: {count} faces but a texture of {len(self.texture.uv)}.")
+        for name, value in (("vertices", mesh.vertices), ("faces", mesh.faces), ("rgb", rgb)):
             object.__setattr__(self, name, value)
 
 
@@ -105,15 +104,10 @@ class RayCaster:
         """
         unknown = [index for index in world_from_surface if not 0 <= index < len(self._surfaces)]
         if unknown:
-            raise GeometryError(
-                f"Poses are given for surfaces {unknown}, but there are {len(self._surfaces)} (0-based)."
-            )
-        poses = [
-            check_rigid(world_from_surface[i], f"Pose of surface {i}")
-            if i in world_from_surface
-            else np.eye(4)
-            for i in range(len(self._surfaces))
-        ]
+            raise GeometryError(f"Poses of surfaces {unknown}, but there are {len(self._surfaces)} (from 0).")
+        poses = [np.eye(4)] * len(self._surfaces)
+        for i, pose in world_from_surface.items():
+            poses[i] = check_rigid(pose, f"Pose of surface {i}")
         return [self._cast_one(camera, poses) for camera in cameras]
 
     def _cast_one(self, camera: Camera, poses: Sequence[FloatArray]) -> RayImage:
@@ -214,9 +208,8 @@ def draw(
     hits: NDArray[np.int64],
     farthest: bool = False,
 ) -> None:
-    """Where a face is nearer than ``depth`` (H, W), puts its depth and ``first_face`` plus its number in both images.
-
-    ``farthest``: where it is farther.
+    """Draw faces into ``depth`` (H, W) and ``hits`` (``first_face`` plus the face's number) where they are nearer,
+    or with ``farthest`` where they are farther.
 
     ``corners`` (V, 3) are the vertices in the camera's frame times K: (u z, v z, z). A pixel centre (u, v, 1) lies in
     the triangle a, b, c where its products with b x c, c x a and a x b have one sign, also where the triangle reaches

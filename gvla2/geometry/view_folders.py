@@ -19,13 +19,14 @@ import json
 import os
 import re
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.errors import ConfigurationError, GeometryError, OutputError
@@ -33,6 +34,14 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
 from gvla2.io.files import write_whole
+
+ARCHIVE, CAMERAS = "views.npz", "cameras.json"
+FOCAL = 35.0 / 32.0
+"""Focal length over the image's width in a GSO-30 tree."""
+PROTOCOL_VIEWS, PROTOCOL_SIZE = (0, 1, 2, 3, 4), 256
+
+Readers = Mapping[int, Callable[[], View]]
+"""How to read the views of a folder, by number."""
 
 
 def read_views(folder: str | os.PathLike[str], spec: str | None = None, size: int | None = None) -> Views:
@@ -52,20 +61,28 @@ def read_views(folder: str | os.PathLike[str], spec: str | None = None, size: in
         raise GeometryError(f"Cannot read views from {place}: there is no such folder.")
     if size is not None and size < 8:
         raise GeometryError(f"Views cannot be resized to {size} pixels; the minimum is 8.")
-    numbers = None if spec is None else parse_view_spec(spec)
-    if (place / CAMERAS).is_file():
-        views = _read_plain(place / CAMERAS, numbers)
-    elif (place / ARCHIVE).is_file():
-        views = read_archive(place / ARCHIVE, numbers)
+    usual = None
+    if (source := place / CAMERAS).is_file():
+        readers = _plain_readers(source)
+    elif (source := place / ARCHIVE).is_file():
+        readers = _archive_readers(source)
     elif (model := gso_folder(place)) is not None:
-        views = Views(tuple(_read_gso(model, number) for number in numbers or PROTOCOL_VIEWS))
-        size = size or PROTOCOL_SIZE
+        source, usual, size = model, PROTOCOL_VIEWS, size or PROTOCOL_SIZE
+        cameras = sorted(path for path in model.glob("*.npy") if path.stem.isdigit())
+        readers = {int(path.stem): partial(_gso_view, path) for path in cameras}
     else:
         present = ", ".join(sorted(p.name for p in place.iterdir())[:8]) or "nothing"
         raise GeometryError(
-            f"Cannot read views from {place}: it has neither cameras.json, nor {ARCHIVE}, nor "
+            f"Cannot read views from {place}: it has neither {CAMERAS}, nor {ARCHIVE}, nor "
             f"render_mvs_25/model/000.png. It holds: {present}."
         )
+    numbers = parse_view_spec(spec) if spec is not None else usual or tuple(readers)
+    if not readers:
+        raise GeometryError(f"{source} lists 0 views.")
+    if absent := [number for number in numbers if number not in readers]:
+        there = f"it has the views {min(readers)} to {max(readers)}"
+        raise GeometryError(f"There is no view {absent[0]} in {source}: {there}.")
+    views = Views(tuple(readers[number]() for number in numbers))
     return views if size is None else Views(tuple(resized(view, size) for view in views))
 
 
@@ -112,10 +129,8 @@ def resized(view: View, size: int) -> View:
 
 
 def _averaged(mask: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    image = Image.fromarray(np.rint(255 * np.clip(mask, 0, 1)).astype(np.uint8))
-    return np.asarray(
-        image.resize((width, height), Image.Resampling.BILINEAR), dtype=np.float32
-    ) / np.float32(255)
+    image = Image.fromarray(_as_bytes(mask)).resize((width, height), Image.Resampling.BILINEAR)
+    return np.asarray(image, dtype=np.float32) / np.float32(255)
 
 
 def nearest(maps: NDArray[Any], height: int, width: int) -> NDArray[Any]:
@@ -125,7 +140,6 @@ def nearest(maps: NDArray[Any], height: int, width: int) -> NDArray[Any]:
     return np.ascontiguousarray(maps[..., rows[:, None], columns])
 
 
-ARCHIVE = "views.npz"
 _OPTIONAL = ("depth", "mask", "robot_mask")
 
 
@@ -157,28 +171,25 @@ def subject_of(path: Path) -> str:
         return ""
 
 
-def read_archive(path: Path, numbers: Sequence[int] | None = None) -> Views:
-    """The views of an archive, or those at the given indices; raises :class:`GeometryError`, naming the file."""
+def _archive_readers(path: Path) -> Readers:
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
-            names = [str(name) for name in arrays["names"]]
-            for number in numbers or ():
-                if number >= len(names):
-                    raise GeometryError(f"it holds {len(names)} views (from 0); there is no view {number}.")
-            return Views(tuple(_view(arrays, i, names[i]) for i in (numbers or range(len(names)))))
-    except (OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile) as error:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        return {i: partial(_stored_view, path, arrays, i, str(n)) for i, n in enumerate(arrays["names"])}
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise GeometryError(f"Cannot read the views {path}: {error}") from error
 
 
-def _view(arrays: Any, i: int, name: str) -> View:
-    image = arrays[f"image_{i}"]
-    height, width = image.shape[:2]
-    camera = Camera(arrays[f"K_{i}"], arrays[f"world_from_camera_{i}"], width, height, name)
-    depth, mask, robot = (arrays[f"{n}_{i}"] if f"{n}_{i}" in arrays.files else None for n in _OPTIONAL)
-    return View(camera, image, depth, mask, robot)
+def _stored_view(path: Path, arrays: Mapping[str, NDArray[Any]], i: int, name: str) -> View:
+    try:
+        image, (depth, mask, robot) = arrays[f"image_{i}"], (arrays.get(f"{n}_{i}") for n in _OPTIONAL)
+        height, width = image.shape[:2]
+        camera = Camera(arrays[f"K_{i}"], arrays[f"world_from_camera_{i}"], width, height, name)
+        return View(camera, image, depth, mask, robot)
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise GeometryError(f"Cannot read view '{name}' of {path}: {error}") from error
 
 
-CAMERAS = "cameras.json"
 _CONVENTIONS = {"opencv": np.eye(4), "opengl": np.diag([1.0, -1.0, -1.0, 1.0])}
 _PICTURES = (".png", ".jpg", ".jpeg")
 
@@ -195,8 +206,7 @@ def write_plain(folder: str | os.PathLike[str], views: Views) -> None:
     for number, view in enumerate(views):
         write_whole(place / "images" / f"{number}.png", _png(view.image))
         if view.mask is not None:
-            mask = np.rint(255 * np.clip(view.mask, 0, 1)).astype(np.uint8)
-            write_whole(place / "masks" / f"{number}.png", _png(mask))
+            write_whole(place / "masks" / f"{number}.png", _png(_as_bytes(view.mask)))
         if view.depth is not None:
             stream = io.BytesIO()
             np.save(stream, view.depth)
@@ -207,8 +217,7 @@ def write_plain(folder: str | os.PathLike[str], views: Views) -> None:
     write_whole(place / CAMERAS, text.encode())
 
 
-def _read_plain(cameras: Path, numbers: Sequence[int] | None) -> Views:
-    """The views that a file of cameras lists, or those at the given indices; errors name the file."""
+def _plain_readers(cameras: Path) -> Readers:
     try:
         document = json.loads(cameras.read_text("utf-8"))
         shared = {k: document[k] for k in ("K", "convention") if k in document}
@@ -217,37 +226,31 @@ def _read_plain(cameras: Path, numbers: Sequence[int] | None) -> Views:
         raise GeometryError(
             f"Cannot read the cameras {cameras}: {error!r}; it needs a list 'views'."
         ) from error
-    highest = max(numbers or (0,))
-    if highest >= len(entries):
-        raise GeometryError(f"{cameras} lists {len(entries)} views (from 0); there is no view {highest}.")
-    chosen = entries if numbers is None else [entries[n] for n in numbers]
-    return Views(tuple(_plain_view(cameras, entry) for entry in chosen))
+    return {number: partial(_plain_view, cameras, entry) for number, entry in enumerate(entries)}
 
 
 def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
     name, folder = str(entry.get("name", "")), cameras.parent
+
+    def first(of: str, suffixes: tuple[str, ...]) -> Path | None:
+        return next((path for end in suffixes if (path := folder / of / f"{name}{end}").is_file()), None)
+
     try:
-        picture = _first(folder / "images", name, _PICTURES)
-        if not name or picture is None:
+        if not name or (picture := first("images", _PICTURES)) is None:
             raise GeometryError(f"there is no {folder / 'images' / name}.png.")
         image, mask = _read_picture(picture)
-        if (mask_file := _first(folder / "masks", name, _PICTURES)) is not None:
+        if (mask_file := first("masks", _PICTURES)) is not None:
             mask = _read_mask(mask_file)
         depth = None
-        if (depth_file := _first(folder / "depth", name, (".npy",))) is not None:
+        if (depth_file := first("depth", (".npy",))) is not None:
             depth = np.asarray(_load(depth_file), dtype=np.float32)
             depth = np.where(depth > 0, depth, np.float32(np.nan))
-        height, width = image.shape[:2]
-        return View(_camera(entry, width, height, str(entry.get("label", name))), image, depth, mask)
+        return View(_camera(entry, image, str(entry.get("label", name))), image, depth, mask)
     except (GeometryError, TypeError, ValueError) as error:
         raise GeometryError(f"{cameras}, view '{name}': {error}") from error
 
 
-def _first(folder: Path, name: str, suffixes: Sequence[str]) -> Path | None:
-    return next((path for suffix in suffixes if (path := folder / f"{name}{suffix}").is_file()), None)
-
-
-def _camera(entry: Mapping[str, Any], width: int, height: int, name: str) -> Camera:
+def _camera(entry: Mapping[str, Any], image: NDArray[np.uint8], name: str) -> Camera:
     if "K" not in entry or not ("T" in entry or "world_from_camera" in entry):
         raise GeometryError("it needs K, and T or world_from_camera.")
     convention = str(entry.get("convention", "opencv")).lower()
@@ -260,15 +263,34 @@ def _camera(entry: Mapping[str, Any], width: int, height: int, name: str) -> Cam
         pose = invert_rigid(flip @ check_rigid(entry["T"], "T"))
     else:
         pose = check_rigid(entry["world_from_camera"], "world_from_camera") @ flip
-    return Camera(np.asarray(entry["K"], dtype=np.float64), pose, width, height, name)
+    return Camera(np.asarray(entry["K"], dtype=np.float64), pose, image.shape[1], image.shape[0], name)
+
+
+def gso_folder(place: Path) -> Path | None:
+    """Where the numbered views of a GSO-30 object lie: below ``place``, or ``place`` itself; None if nowhere."""
+    for folder in (place / "render_mvs_25" / "model", place):
+        if folder.is_dir() and any(p.stem.isdigit() and p.suffix == ".npy" for p in folder.iterdir()):
+            return folder
+    return None
+
+
+def _gso_view(matrix: Path) -> View:
+    image, alpha = _read_picture(matrix.with_suffix(".png"))
+    height, width = image.shape[:2]
+    K = [[FOCAL * width, 0.0, width / 2], [0.0, FOCAL * width, height / 2], [0.0, 0.0, 1.0]]
+    try:
+        entry = {"K": K, "T": _load(matrix), "convention": "opengl"}
+        return View(_camera(entry, image, matrix.stem), image, mask=alpha)
+    except (GeometryError, TypeError, ValueError) as error:
+        raise GeometryError(f"{matrix}: {error}") from error
 
 
 def _read_picture(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None]:
     """Colour (H, W, 3) uint8 laid on white, and alpha (H, W) in [0, 1], None for an opaque file."""
-    with _open(path) as picture:
-        if not _transparent(picture):
-            return np.asarray(picture.convert("RGB")), None
-        rgba = np.asarray(picture.convert("RGBA"), dtype=np.float32) / np.float32(255)
+    picture = _open(path)
+    if not _transparent(picture):
+        return np.asarray(picture.convert("RGB")), None
+    rgba = np.asarray(picture.convert("RGBA"), dtype=np.float32) / np.float32(255)
     alpha = rgba[..., 3:]
     on_white = rgba[..., :3] * alpha + (1 - alpha)
     return np.asarray(255 * np.clip(on_white, 0, 1), dtype=np.uint8), np.ascontiguousarray(alpha[..., 0])
@@ -276,9 +298,9 @@ def _read_picture(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.float32] | 
 
 def _read_mask(path: Path) -> NDArray[np.float32]:
     """(H, W) in [0, 1]: the alpha of a transparent file, else its grey value."""
-    with _open(path) as picture:
-        layer = picture.convert("RGBA").getchannel("A") if _transparent(picture) else picture.convert("L")
-        return np.asarray(layer, dtype=np.float32) / np.float32(255)
+    picture = _open(path)
+    layer = picture.convert("RGBA").getchannel("A") if _transparent(picture) else picture.convert("L")
+    return np.asarray(layer, dtype=np.float32) / np.float32(255)
 
 
 def _transparent(picture: Image.Image) -> bool:
@@ -287,11 +309,11 @@ def _transparent(picture: Image.Image) -> bool:
 
 def _open(path: Path) -> Image.Image:
     try:
-        picture = Image.open(path)
-        picture.load()
+        with Image.open(path) as picture:
+            picture.load()
+            return picture
     except (OSError, SyntaxError, ValueError) as error:
         raise GeometryError(f"Cannot read the image {path}: {error}") from error
-    return picture
 
 
 def _load(path: Path) -> NDArray[Any]:
@@ -308,37 +330,5 @@ def _png(array: NDArray[np.uint8]) -> bytes:
     return stream.getvalue()
 
 
-FOCAL = 35.0 / 32.0
-"""Focal length over the image's width in a GSO-30 tree."""
-PROTOCOL_VIEWS, PROTOCOL_SIZE = (0, 1, 2, 3, 4), 256
-
-
-def gso_folder(place: Path) -> Path | None:
-    """Where the numbered views of a GSO-30 object lie: below ``place``, or ``place`` itself; None if nowhere."""
-    for folder in (place / "render_mvs_25" / "model", place):
-        if folder.is_dir() and any(p.stem.isdigit() and p.suffix == ".npy" for p in folder.iterdir()):
-            return folder
-    return None
-
-
-def gso_camera(camera_from_world: ArrayLike, width: int, height: int, name: str = "camera") -> Camera:
-    """The camera of an OpenGL extrinsic matrix (3, 4) or (4, 4); a mirrored one (determinant -1) is an error."""
-    f = FOCAL * width
-    K = [[f, 0.0, width / 2], [0.0, f, height / 2], [0.0, 0.0, 1.0]]
-    return _camera({"K": K, "T": camera_from_world, "convention": "opengl"}, width, height, name)
-
-
-def _read_gso(model: Path, number: int) -> View:
-    picture, matrix = (model / f"{number:03d}{suffix}" for suffix in (".png", ".npy"))
-    for path in (picture, matrix):
-        if not path.is_file():
-            known = sorted(int(p.stem) for p in model.glob("*.npy") if p.stem.isdigit())
-            raise GeometryError(
-                f"View {number} is not in {model}: {path.name} is missing (views there: {known[0]} to {known[-1]})."
-            )
-    image, alpha = _read_picture(picture)
-    height, width = image.shape[:2]
-    try:
-        return View(gso_camera(_load(matrix), width, height, f"{number:03d}"), image, mask=alpha)
-    except (GeometryError, TypeError, ValueError) as error:
-        raise GeometryError(f"{matrix}: {error}") from error
+def _as_bytes(mask: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return np.rint(255 * np.clip(mask, 0, 1)).astype(np.uint8)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
+
+Viewpoint = Literal["robot", "facing"]
+"""Where the person stands who says left, right, in front and behind: beside the robot, looking where it looks, or
+opposite, facing it."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,8 @@ class Observation:
     ``world_from_tcp`` (4, 4) is the tool centre point between the fingertips (z out of the hand, y along the fingers'
     motion); ``joints`` (dof,) in radians; ``gripper`` is the opening in [0, 1]; ``gripper_width`` the same in metres.
     Nothing here comes from a simulator's state of the scene. ``finer``, where a simulator offers it, takes the same
-    moment's picture by the camera of a name with more pixels, only for people: see :meth:`pictured`.
+    moment's picture by the camera of a name with more pixels, only for people: see :meth:`pictured`. ``viewpoint`` is
+    where the person stands whose words for sides are heard.
     """
 
     views: Views
@@ -89,6 +95,7 @@ class Observation:
     gripper: float
     gripper_width: float
     finer: Callable[[str], View] | None = field(default=None, repr=False, compare=False)
+    viewpoint: Viewpoint = "robot"
 
     def pictured(self) -> Views:
         """The views to draw for people: the finer ones if available, at the cameras' believed poses."""

@@ -6,6 +6,7 @@ import ctypes
 import math
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, TypeVar, get_args
 
 from gvla2.errors import ConformanceError, Gvla2Error, PerceptionError, PlannerTimeoutError, PlanningError
@@ -44,7 +45,7 @@ def perceive(
         check_scene(scene)
     except (ConformanceError, TypeError, ValueError) as error:
         raise PerceptionError(f"{who} gave no valid scene. {error}") from error
-    return read_only(scene)
+    return read_only(replace(scene, viewpoint=observation.viewpoint))
 
 
 def check_scene(scene: object) -> None:

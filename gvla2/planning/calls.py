@@ -22,9 +22,10 @@ class SkillCall:
     """One step of a program: ``skill`` on the object ``theme``, and its target.
 
     ``theme`` and ``goal`` are ids of scene objects; ``xy`` is the target of the theme's centre, world metres, for a
-    free place. ``relation`` is that of the goal. ``amount`` is how far in metres (lifted, pushed, pulled) and
-    ``direction`` a unit vector (x, y), x away from the robot and y to its left. ``theta`` sets parameters of the skill
-    by name, in their own units. Raises :class:`ValueError` for an invalid relation or number.
+    free place, or for one side of a goal that it is put on or in. ``relation`` is that of the goal. ``amount`` is how
+    far in metres (lifted, pushed, pulled) and ``direction`` a unit vector (x, y), x away from the robot and y to its
+    left. ``theta`` sets parameters of the skill by name, in their own units. Raises :class:`ValueError` for an invalid
+    relation or number.
     """
 
     skill: str

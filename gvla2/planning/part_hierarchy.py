@@ -30,6 +30,10 @@ THIN = 0.25
 """A flat part is thinner than this share of its middle side."""
 COVERING = 0.6
 """A lid is at least this share as long and as broad as what it covers."""
+KNOB = 0.12
+"""Longest side of a turning part that is a knob and no door, metres."""
+AJAR = 0.15
+"""A drawer or door is open beyond this share of its reach."""
 BUTTON_WIDTH, BUTTON_TOP = 0.08, 0.15
 """Greatest width of a button, and greatest height of its top above the table, metres."""
 
@@ -58,7 +62,9 @@ def is_handle(obj: SceneObject) -> bool:
 
 
 def is_button(obj: SceneObject, scene: Scene) -> bool:
-    """Whether it is a button: small, round, low and flat (or a part), or labelled as one."""
+    """Whether it is a button: small, round, low and flat (or a part), or labelled as one; not what turns."""
+    if obj.joint is not None and not obj.joint.slides:
+        return False
     if called(obj, "button"):
         return True
     small = obj.extents[:2].max() <= BUTTON_WIDTH and obj.top - scene.table_height <= BUTTON_TOP
@@ -73,6 +79,21 @@ def button_of(obj: SceneObject, scene: Scene) -> SceneObject | None:
     buttons = [part for part in scene.parts_of(obj.id) if is_button(part, scene)]
     named = [b for b in buttons if called(b, "button")] or buttons
     return named[0] if len(named) == 1 else None
+
+
+def knob_of(obj: SceneObject, scene: Scene) -> SceneObject | None:
+    """The object itself if it is a knob, a small part that turns, or its only knob; None if it has none, or several."""
+    knobs = [
+        p for p in (obj, *scene.parts_of(obj.id)) if p.joint and not p.joint.slides and max(p.extents) <= KNOB
+    ]
+    return knobs[0] if len(knobs) == 1 else None
+
+
+def is_ajar(part: SceneObject) -> bool | None:
+    """Whether a drawer or door is open by more than a little; None if its joint is not known, or it is a knob."""
+    if part.joint is None or (not part.joint.slides and max(part.extents) <= KNOB):
+        return None
+    return part.joint.position > AJAR * part.joint.reach
 
 
 def closed_by(cap: SceneObject, scene: Scene) -> SceneObject | None:

@@ -11,12 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, transform_points
+from gvla2.geometry.views import Viewpoint
 
 Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "region", "other"]
 """Coarse geometry: a ``region`` is a patch painted on the table, a ``disc`` a flat cylinder, a ``plate`` a flat box,
 a ``ring`` a flat object with a hole through it, a ``bar`` something long and thin."""
 ROUND: tuple[Shape, ...] = ("cylinder", "disc", "sphere")
 """Shapes that look the same from all sides when they stand upright."""
+SIDES = {
+    "left_of": np.array([0.0, 1.0, 0.0]),
+    "right_of": np.array([0.0, -1.0, 0.0]),
+    "behind": np.array([1.0, 0.0, 0.0]),
+    "front_of": np.array([-1.0, 0.0, 0.0]),
+}
+"""Unit vectors to an object's sides, as the robot sees them."""
 TOUCHING = 0.008
 """A point this near to an object's box counts as on it, metres: the error of depth cameras and perceived boxes."""
 
@@ -123,6 +131,16 @@ class SceneObject:
         """(8, 3) corners of the oriented box in the world, metres."""
         return transform_points(self.world_from_object, box_corners(self.extents))
 
+    def outline(self) -> FloatArray:
+        """(N, 3) points around the box, or the cylinder in it if it is round, 5 mm apart in height, world metres."""
+        angles = 2 * np.pi * np.arange(24) / 24
+        ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        if self.shape not in ROUND:
+            ring = ring / np.abs(ring).max(axis=1, keepdims=True)
+        heights = np.linspace(-1.0, 1.0, 2 + int(self.extents[2] / 0.005))
+        local = np.column_stack([np.tile(ring, (len(heights), 1)), np.repeat(heights, len(ring))])
+        return transform_points(self.world_from_object, 0.5 * self.extents * local)
+
     def distances(self, points: ArrayLike) -> FloatArray:
         """(...,) how far world points (..., 3) lie outside the oriented box, metres; 0 inside."""
         local = np.abs(transform_points(invert_rigid(self.world_from_object), points))
@@ -150,7 +168,8 @@ class Scene:
     """X_t: the scene perceived at one moment.
 
     ``table_height`` is world z in metres; ``table`` bounds the seen part of its top. ``workspace`` is where the hand
-    may go. ``perceiver`` names its source ("oracle" results are marked by it).
+    may go. ``perceiver`` names its source ("oracle" results are marked by it). ``viewpoint`` is where the person stands
+    whose words for sides count: with the robot, or facing it.
     """
 
     objects: tuple[SceneObject, ...]
@@ -158,6 +177,11 @@ class Scene:
     workspace: Box
     perceiver: str = ""
     notes: tuple[str, ...] = ()
+    viewpoint: Viewpoint = "robot"
+
+    def side(self, relation: str) -> FloatArray:
+        """(3,) level unit vector from an object to its side of a relation ("left_of"), as the viewpoint has it."""
+        return SIDES[relation] if self.viewpoint == "robot" else -SIDES[relation]
 
     def __getitem__(self, object_id: str) -> SceneObject:
         for candidate in self.objects:

@@ -106,12 +106,14 @@ def _line(obj: SceneObject, name: str, scene: Scene, positions: bool) -> str:
 
 
 def _place_among(obj: SceneObject, scene: Scene) -> str:
-    """Whether it is the left, right or middle one of several whole objects of its kind, seen from the robot."""
+    """Whether it is the left, right or middle one of several whole objects of its kind, from the scene's viewpoint."""
     kind = obj.label.rpartition(" ")[2]
     alike = [o for o in scene.objects if o.label.rpartition(" ")[2] == kind and not o.parent]
     if obj.parent or not 2 <= len(alike) <= 3:
         return ""
-    order = [o.id for o in sorted(alike, key=lambda o: -float(o.centre[1]))].index(obj.id)
+    order = [o.id for o in sorted(alike, key=lambda o: -float(o.centre @ scene.side("left_of")))].index(
+        obj.id
+    )
     return ("left", "right")[order] if len(alike) == 2 else ("left", "middle", "right")[order]
 
 

@@ -1,33 +1,37 @@
-"""Calling the plugins' hooks in pluggy's order, each implementation guarded: a plugin that fails never ends a call."""
+"""Calls the plugins' hooks in pluggy's order and checks their answers: a faulty plugin never ends a call."""
 
 from __future__ import annotations
 
-import inspect
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from types import ModuleType, SimpleNamespace
+from dataclasses import dataclass
+from functools import lru_cache
+from types import ModuleType
 from typing import Any
 
 import pluggy
+from omegaconf import DictConfig, OmegaConf
 
 from gvla2 import hookspecs
-from gvla2.component import PROJECT, hookspec
+from gvla2.component import PROJECT, Component, ComponentConfig, hookspec
 from gvla2.errors import did_you_mean
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
 from gvla2.plugins.discovery import Plugin, PluginProblem, describe, stdout_kept_clean
-from gvla2.plugins.kinds import KINDS, SLOTS, Kind
-from gvla2.plugins.validation import fault_of_item, fault_of_kind
+from gvla2.plugins.kinds import KINDS, SLOTS, TAKEN, Kind
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_WORDS_OF_HYDRA = frozenset({"null", "true", "false", "nan", "inf"})
 
 
-@dataclass
+@dataclass(frozen=True)
 class Collected:
     """All offers of plugins, each item with its plugin, in the order of pluggy's calls."""
 
     kinds: Mapping[str, Kind]
-    plugins: list[Plugin] = field(default_factory=list)
-    components: dict[str, list[tuple[Any, Plugin]]] = field(default_factory=dict)
-    skills: list[tuple[Any, Plugin]] = field(default_factory=list)
-    search_paths: list[str] = field(default_factory=list)
+    plugins: tuple[Plugin, ...]
+    components: Mapping[str, list[tuple[Any, Plugin]]]
+    skills: list[tuple[Any, Plugin]]
+    search_paths: list[str]
 
 
 def collect(
@@ -52,13 +56,8 @@ def collect(
         components[name] = list(caller.call(caller.kinds[name].hook))
         needed = {need for item, _ in components[name] for need in item.needs}
         wanted += sorted(needed.difference(wanted))
-    return Collected(
-        caller.kinds,
-        [plugin for plugin, _ in loaded],
-        components,
-        list(caller.call(SKILL_HOOK)),
-        [path for path, _ in caller.call(SEARCH_PATH_HOOK)],
-    )
+    skills, paths = list(caller.call(SKILL_HOOK)), [path for path, _ in caller.call(SEARCH_PATH_HOOK)]
+    return Collected(caller.kinds, tuple(plugin for plugin, _ in loaded), components, skills, paths)
 
 
 class _Caller:
@@ -70,44 +69,26 @@ class _Caller:
         self._manager.add_hookspecs(hookspecs)
         self._problems = problems
         self._plugins: dict[str, Plugin] = {}
-        self._unmarked: list[tuple[Plugin, str]] = []
 
     def register(self, plugin: Plugin, module: object) -> None:
-        """Register the plugin's hook functions, without those that could not be called."""
-        functions: dict[str, Any] = {}
-        wrong = False
-        for name in dir(module):
-            try:
-                options = self._manager.parse_hookimpl_opts(module, name)
-                value = getattr(module, name)
-            except Exception:  # a lazy attribute that fails is not a hook
-                continue
-            if options is None:
-                if name.startswith(f"{PROJECT}_") and _written_in(module, value):
-                    self._unmarked.append((plugin, name))
-                    wrong = True
-                continue
-            if options["wrapper"] or options["hookwrapper"]:
-                fault = "is a wrapper: gvla2's hooks collect, and have none."
-            else:
-                fault = "" if _takes_nothing(value) else "must take no arguments."
-            if fault:
-                self._report(plugin, options.get("specname") or name, fault)
-                wrong = True
-            else:
-                functions[name] = value
-        if functions:
-            # Two distributions may announce plugins of the same name; pluggy needs unique names.
-            unique = f"{plugin.name} #{len(self._plugins)}"
-            self._plugins[unique] = plugin
-            self._manager.register(SimpleNamespace(**functions), name=unique)
-        elif not wrong:
+        """Register the plugin's hook functions; none of them where one could not be called."""
+        # Two distributions may announce plugins of the same name; pluggy needs unique names.
+        unique = f"{plugin.name} #{len(self._plugins)}"
+        self._plugins[unique] = plugin
+        try:
+            self._manager.register(module, name=unique)
+        except Exception as error:  # pluggy's, for a hook with arguments, or a lazy attribute's
+            self._report(plugin, "", f"could not be registered: {describe(error)}")
+            if self._manager.has_plugin(unique):
+                self._manager.unregister(name=unique)
+            return
+        if not self._manager.get_hookcallers(module):
             what = module.__name__ if isinstance(module, ModuleType) else f"a {type(module).__name__}"
-            self._report(plugin, "", f"offers nothing: {what} has no @hookimpl function.")
+            self._report(plugin, "", f"offers nothing: {what} has no function marked @hookimpl.")
 
     def add_kind(self, kind: Kind, plugin: Plugin) -> None:
         """Add a plugin's kind and its hook."""
-        if fault := fault_of_kind(kind, self.kinds):
+        if fault := _fault_of_kind(kind, self.kinds):
             self._report(plugin, KINDS_HOOK, fault)
             return
         self.kinds[kind.name] = kind
@@ -135,34 +116,86 @@ class _Caller:
                     yield item, plugin
 
     def report_unknown_hooks(self) -> None:
-        """Report functions that look like hooks but are not."""
+        """Report functions that are marked as hooks but are none."""
         callers = {n: c for n, c in vars(self._manager.hook).items() if isinstance(c, pluggy.HookCaller)}
         known = [name for name, caller in callers.items() if caller.has_spec()]
-        unknown = [
-            (self._plugins[made.plugin_name], name)
-            for name, caller in callers.items()
-            for made in caller.get_hookimpls()
-            if not caller.has_spec() and not made.optionalhook
-        ]
-        for plugin, name in (*self._unmarked, *unknown):
-            unmarked = "is not marked @hookimpl."
-            message = unmarked if name in known else f"is no hook of gvla2.{did_you_mean(name, known)}"
-            self._report(plugin, name, message)
+        for name in callers.keys() - known:
+            for made in callers[name].get_hookimpls():
+                if not made.optionalhook:
+                    message = f"is no hook of gvla2.{did_you_mean(name, known)}"
+                    self._report(self._plugins[made.plugin_name], name, message)
 
     def _report(self, plugin: Plugin, hook: str, message: str) -> None:
         self._problems.append(PluginProblem(plugin.name, hook, message))
 
 
-def _takes_nothing(function: Any) -> bool:
+def structured(component: Component[Any]) -> DictConfig:
+    """The component's options as a typed OmegaConf node, with ``name`` filled in; not to be changed."""
+    return _structured(component.config, component.name)  # type: ignore[arg-type]  # a class can be hashed
+
+
+@lru_cache(maxsize=1024)  # by class: hooks make new components whenever plugins are loaded
+def _structured(config: type[ComponentConfig], name: str) -> DictConfig:
+    node = OmegaConf.structured(config)
+    node.name = name
+    assert isinstance(node, DictConfig)
+    return node
+
+
+def fault_of_item(item: object, hook: str, kinds: Mapping[str, Kind], own: bool = False) -> str:
+    """The fault of an item that the hook returned, "" for none.
+
+    The options of gvla2's ``own`` components are typed when they are used.
+    """
+    if hook == SEARCH_PATH_HOOK:
+        right = isinstance(item, str) and item.startswith(("pkg://", "file://"))
+        return "" if right else f"returned {item!r}; a search path is a string such as 'pkg://mine.conf'."
+    if hook == SKILL_HOOK:
+        from gvla2.planning.skill import fault_of
+
+        return fault_of(item)
+    if hook == KINDS_HOOK:
+        return "" if isinstance(item, Kind) else f"returned {item!r}, which is not a Kind."
+    if not isinstance(item, Component):
+        return f"returned {item!r}, which is not a Component."
+    if not _choosable(item.name):
+        return (
+            f"the name {item.name!r} cannot be chosen on the command line; use letters, digits, '_' and '-'."
+        )
+    build: Any = item.build  # a plugin may pass anything
+    if not callable(build):
+        return f"'{item.name}' has a build that cannot be called."
+    if unknown := [need for need in item.needs if need not in kinds]:
+        return f"'{item.name}' needs {unknown[0]!r}, which is not a kind. Kinds: {', '.join(kinds)}."
+    fault = "" if own else _fault_of_config(item)
+    return f"'{item.name}' cannot be configured: {fault}" if fault else ""
+
+
+def _fault_of_kind(kind: Kind, kinds: Mapping[str, Kind]) -> str:
+    """The fault of a new kind, given the existing ones; "" for none."""
+    hooks = {other.hook for other in kinds.values()} | {KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK}
+    if kind.name in kinds or kind.name in SLOTS:
+        return f"there is a kind '{kind.name}' already. Rename this one."
+    if not _choosable(kind.name) or kind.name.lower() in TAKEN:
+        return f"the kind's name {kind.name!r} cannot be a Hydra group of `gvla2 run`: it is taken or not a plain word."
+    if not kind.hook.startswith(f"{PROJECT}_") or not kind.hook.isidentifier() or kind.hook in hooks:
+        return f"'{kind.name}' has the hook {kind.hook!r}; it needs one of its own that begins with '{PROJECT}_'."
+    return ""
+
+
+def _choosable(name: object) -> bool:
+    plain = isinstance(name, str) and _NAME.fullmatch(name) is not None
+    return plain and str(name).lower() not in _WORDS_OF_HYDRA
+
+
+def _fault_of_config(component: Component[Any]) -> str:
+    config: Any = component.config
+    if not (isinstance(config, type) and issubclass(config, ComponentConfig)):
+        return f"its config is {config!r}, not a dataclass that extends ComponentConfig."
+    if "__dataclass_fields__" not in vars(config) and vars(config).get("__annotations__"):
+        return f"{config.__name__} is not marked @dataclass, so its own fields would be ignored."
     try:
-        inspect.signature(function).bind()
-    except TypeError:
-        return False
-    return True
-
-
-def _written_in(module: object, value: object) -> bool:
-    """Whether the function was written there: one imported from the hook specifications is not meant as a hook."""
-    if not inspect.isroutine(value) or hasattr(value, f"{PROJECT}_spec"):
-        return False
-    return not isinstance(module, ModuleType) or getattr(value, "__module__", None) == module.__name__
+        structured(component)
+    except Exception as error:  # whatever OmegaConf or a default factory raises
+        return f"{config.__name__} does not fit OmegaConf: {describe(error)}"
+    return ""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from omegaconf import DictConfig, OmegaConf
@@ -17,8 +17,7 @@ from gvla2.hookspecs import SKILL_HOOK
 from gvla2.planning.skill import Skill
 from gvla2.plugins.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
 from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK, SLOTS, Kind, kind_of
-from gvla2.plugins.manager import collect
-from gvla2.plugins.validation import structured
+from gvla2.plugins.manager import collect, structured
 
 
 @dataclass(frozen=True)
@@ -29,27 +28,19 @@ class Offer:
     plugin: Plugin
 
 
+@dataclass(frozen=True, eq=False)
 class Registry:
-    """All components by kind and name, made by :func:`load_plugins`; there is no global one.
+    """All components by kind and name, and skills by name, made by :func:`load_plugins`; there is no global one.
 
     ``kinds`` lists those of the core, then those that plugins declare.
     """
 
-    def __init__(
-        self,
-        offers: Mapping[str, Mapping[str, Offer]],
-        plugins: Iterable[Plugin] = (),
-        problems: Iterable[PluginProblem] = (),
-        search_paths: Iterable[str] = (),
-        skills: Iterable[tuple[Skill, Plugin]] = (),
-        kinds: Mapping[str, Kind] = KINDS,
-    ) -> None:
-        self.kinds = dict(kinds)
-        self._offers = {kind: dict(offers.get(kind, {})) for kind in self.kinds}
-        self.plugins = tuple(plugins)
-        self.problems = tuple(problems)
-        self.search_paths = tuple(search_paths)
-        self._skills = tuple(skills)
+    components_offered: Mapping[str, Mapping[str, Offer]]
+    plugins: Sequence[Plugin] = ()
+    problems: Sequence[PluginProblem] = ()
+    search_paths: Sequence[str] = ()
+    skills_offered: Mapping[str, tuple[Skill, Plugin]] = field(default_factory=dict)
+    kinds: Mapping[str, Kind] = field(default_factory=lambda: KINDS)
 
     @property
     def groups(self) -> dict[str, Kind]:
@@ -63,15 +54,11 @@ class Registry:
     @property
     def skills(self) -> dict[str, Skill]:
         """Every skill on offer, by name, in the order in which plugins were found."""
-        return {skill.name: skill for skill, _ in self._skills}
-
-    def skill_plugin(self, name: str) -> Plugin:
-        """The plugin that offers the skill; raises :class:`KeyError` when none does."""
-        return {skill.name: plugin for skill, plugin in self._skills}[name]
+        return {name: skill for name, (skill, _) in self.skills_offered.items()}
 
     def offers(self, kind: str) -> dict[str, Offer]:
         """Components with their plugins, by name, sorted."""
-        return dict(sorted(self._offers[self.kind_of(kind).name].items()))
+        return dict(sorted(self.components_offered.get(self.kind_of(kind).name, {}).items()))
 
     def components(self, kind: str) -> dict[str, Component[Any]]:
         """Components by name, sorted."""
@@ -79,7 +66,7 @@ class Registry:
 
     def get(self, kind: str, name: str) -> Component[Any]:
         """The component; raises :class:`UnknownComponentError`, which names what exists and what is broken."""
-        offers = self._offers[self.kind_of(kind).name]
+        offers = self.offers(kind)
         if name not in offers:
             raise UnknownComponentError(kind, name, offers, self.broken_note(kind))
         return offers[name].component
@@ -138,7 +125,7 @@ class Registry:
         config, component = self.configure(root, kind)
         needs = {need: self._build(root, need, (*path, kind), built) for need in component.needs}
         own = self.kind_of(kind)
-        plugin = self._offers[own.name][component.name].plugin
+        plugin = self.offers(kind)[component.name].plugin
         what = f"The {kind} '{component.name}' of plugin '{plugin.name}'"
         try:
             with kept_alive():
@@ -209,7 +196,7 @@ class Registry:
         name, own = self.chosen(root, kind), self.kinds.get(kind)
         if kind in SLOTS:
             return name in ("", NONE)
-        return own is not None and own.may_be_none and name == NONE and NONE not in self._offers[kind]
+        return own is not None and own.may_be_none and name == NONE and NONE not in self.offers(kind)
 
     def _choice(self, root: object, kind: str) -> Any:
         """The entry of ``root`` for the kind; a command's configuration may not know kinds that plugins declare."""
@@ -232,7 +219,7 @@ def load_plugins(groups: Collection[str] | None = None) -> Registry:
         wins = _first_of_each_name(offered, found.kinds[kind].hook, problems)
         offers[kind] = {name: Offer(component, plugin) for name, (component, plugin) in wins.items()}
     skills = _first_of_each_name(found.skills, SKILL_HOOK, problems)
-    return Registry(offers, found.plugins, problems, found.search_paths, skills.values(), found.kinds)
+    return Registry(offers, found.plugins, tuple(problems), tuple(found.search_paths), skills, found.kinds)
 
 
 def _first_of_each_name(

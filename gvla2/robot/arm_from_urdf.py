@@ -16,7 +16,7 @@ from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.geometry.views import View
-from gvla2.planning.arm import Hand
+from gvla2.planning.arm import Hand, IKSolution
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
@@ -40,9 +40,11 @@ NEAREST, FARTHEST, STEP, LOW, HIGH = 0.15, 1.4, 0.05, 0.04, 0.20
 HOME_HEIGHTS = (0.55, 0.45, 0.35, 0.25)
 """Heights over the middle of the working area, in shares of the arm's reach: home is at the first reachable one."""
 
-LENGTHS = {"base_position": 3, "tool_rpy": 3, "tool_offset": 3, "workspace_low": 3, "workspace_high": 3}
-OPTIONAL = ("tool_offset", "workspace_low", "workspace_high")
-"""Lengths of list options, and which of them are determined automatically if empty."""
+LENGTHS = {"base_position": 3, "tool_rpy": 3, "table_size": 2}
+OPTIONAL = {
+    "tool_offset": 3, "workspace_low": 3, "workspace_high": 3, "table_centre": 2, "site_centre": 2, "site_size": 2,
+}  # fmt: skip
+"""Lengths of list options; the optional ones are determined automatically if empty."""
 
 
 @dataclass(frozen=True)
@@ -121,17 +123,6 @@ def arm_from_urdf(config: ArmConfig) -> UrdfArm:
     )
 
 
-def check_lengths(config: ArmConfig, lengths: Mapping[str, int], optional: Sequence[str]) -> None:
-    """Raises :class:`ConfigurationError` for list options of the wrong length; ``optional`` ones may be empty."""
-    wrong = [
-        f"robot.{name}={list(value)} ({length} numbers)"
-        for name, length in lengths.items()
-        if len(value := getattr(config, name)) != length and (value or name not in optional)
-    ]
-    if wrong:
-        raise ConfigurationError(f"Options of the wrong length: {', '.join(wrong)}.")
-
-
 def _check(config: ArmConfig) -> None:
     missing = [f"robot.{name}=..." for name in config.required if not getattr(config, name)]
     if missing:
@@ -139,7 +130,14 @@ def _check(config: ArmConfig) -> None:
             f"robot={config.name} simulates any arm and needs {' and '.join(missing)}: its URDF, and the link that "
             "carries the tool (docs/your_arm.md)."
         )
-    check_lengths(config, LENGTHS, OPTIONAL)
+    wrong = [
+        f"robot.{name}={list(value)} ({length} numbers)"
+        for name, length in {**LENGTHS, **OPTIONAL}.items()
+        if len(value := getattr(config, name, ())) != length
+        and (value or (name in LENGTHS and hasattr(config, name)))
+    ]
+    if wrong:
+        raise ConfigurationError(f"Options of the wrong length: {', '.join(wrong)}.")
 
 
 def _tool(
@@ -213,61 +211,52 @@ def _find_home(config: ArmConfig, arm: ArmModel) -> FloatArray:
     The best are those from which the arm reaches, clear of the table and itself, most places of the site: planning
     takes the joints nearest to home, so a home with its elbow down would keep it down.
     """
-    scene = Scene((), config.table_height, arm.workspace)
+    scene, low_high = Scene((), config.table_height, arm.workspace), arm.limits
     run = pointing_down(config, arm)
-    middle, places = (
-        0.5 * (run[0] + run[-1]),
-        [(run[i], y) for i in (0, len(run) // 2, -1) for y in (-0.2, 0.0, 0.2)],
-    )
-    best, worth = None, -np.inf
+    middle = 0.5 * (run[0] + run[-1])
+    places = [(run[i], y) for i in (0, len(run) // 2, -1) for y in (-0.2, 0.0, 0.2)]
+
+    def clear(solution: IKSolution | None) -> bool:
+        return solution is not None and arm.clearance(solution.joints, 1.0, scene).distance > 0.01
+
+    def worth(home: FloatArray, solution: IKSolution) -> float:
+        reached = sum(clear(arm.inverse(_down(config, x, LOW, 1.0, y), home)) for x, y in places)
+        ease = min(solution.limit_margin, 0.5) + solution.manipulability - 0.1 * float(np.abs(home).max())
+        return reached + ease
+
     for height in (share * run[-1] for share in HOME_HEIGHTS):
-        solutions = [s for sign in (1.0, -1.0) for s in arm.ik.solutions(_down(config, middle, height, sign))]
-        for solution in (s for s in solutions if arm.clearance(s.joints, 1.0, scene).distance > 0.01):
-            home = _unwound(solution.joints, arm)
-            value = (
-                min(solution.limit_margin, 0.5) + solution.manipulability - 0.1 * float(np.abs(home).max())
-            )
-            for before, beside in places:
-                found = arm.inverse(_down(config, before, LOW, 1.0, beside), home)
-                value += found is not None and arm.clearance(found.joints, 1.0, scene).distance > 0.0
-            if value > worth:
-                best, worth = home, value
-        if best is not None:
-            return np.asarray(best)
+        found = []
+        for sign in (1.0, -1.0):
+            for solution in filter(clear, arm.ik.solutions(_down(config, middle, height, sign))):
+                # The same posture with each joint less than half a turn from zero, if its limits allow it.
+                turned = solution.joints - 2 * np.pi * np.round(solution.joints / (2 * np.pi))
+                within = (turned > low_high[0]) & (turned < low_high[1])
+                home = np.where(within, turned, solution.joints)
+                found.append((worth(home, solution), home))
+        if found:
+            return max(found, key=lambda pair: pair[0])[1]
     raise RobotError(
         f"No home is free of collisions {middle:.2f} m before the base, over the table, with the hand pointing down. "
         "Give robot.home=[...] (radians), or robot.srdf with the pairs of links that may touch."
     )
 
 
-def _unwound(joints: FloatArray, arm: ArmModel) -> FloatArray:
-    """The same posture with each joint less than half a turn from zero, if its limits allow it."""
-    turned = joints - 2 * np.pi * np.round(joints / (2 * np.pi))
-    low, high = arm.limits
-    return np.where((turned > low) & (turned < high), turned, joints)
-
-
 def pointing_down(config: ArmConfig, arm: ArmModel) -> list[float]:
-    """Distances before the base, metres, at which the hand points down near the table and above it: the longest run."""
-    runs: list[list[float]] = [[]]
-    for before in np.arange(NEAREST, FARTHEST, STEP).tolist():
-        if all(_gets_to(arm, config, before, height) for height in (LOW, HIGH)):
-            runs[-1].append(before)
-        elif runs[-1]:
-            runs.append([])
-    longest = max(runs, key=len)
-    if len(longest) < 2:
+    """Distances before the base, metres, at which the hand points down with ease near the table and above it."""
+
+    def easy(before: float, height: float) -> bool:
+        found = (arm.inverse(_down(config, before, height, sign)) for sign in (1.0, -1.0))
+        return any(s is not None and s.manipulability >= config.ease for s in found)
+
+    tried = np.arange(NEAREST, FARTHEST, STEP).tolist()
+    reached = [before for before in tried if easy(before, LOW) and easy(before, HIGH)]
+    if len(reached) < 2:
         raise RobotError(
             f"The hand of robot={config.name} points down at the table nowhere before its base: z of "
             f"robot.tool_link={config.tool_link}, turned by robot.tool_rpy, must point out of the hand; else the table "
             f"(robot.table_height={config.table_height}) is too low or too high for the base ({config.base_position})."
         )
-    return longest
-
-
-def _gets_to(arm: ArmModel, config: ArmConfig, before: float, height: float) -> bool:
-    found = (arm.inverse(_down(config, before, height, sign)) for sign in (1.0, -1.0))
-    return any(s is not None and s.manipulability >= config.ease for s in found)
+    return reached
 
 
 def _down(config: ArmConfig, before: float, height: float, closing: float, beside: float = 0.0) -> FloatArray:

@@ -57,9 +57,18 @@ def _disturb(view: View, noise: DepthNoise, rng: np.random.Generator, seed: int)
     if view.depth is not None:
         view = replace(view, depth=_measured(view, view.depth, noise, scale, rng))
     if noise.colour or noise.exposure:
-        view = replace(view, image=tinted(view.image, noise.colour, noise.exposure, rig, rng))
+        # A camera's gain; its three channels differ by a third of that.
+        gain = (1.0 + noise.exposure * rig.standard_normal()) * (
+            1.0 + noise.exposure / 3.0 * rig.standard_normal(3)
+        )
+        grains = 255.0 * noise.colour * rng.standard_normal(view.image.shape)
+        image = np.clip(np.rint(view.image * np.clip(gain, 0.3, 3.0) + grains), 0, 255)
+        view = replace(view, image=image.astype(np.uint8))
     if noise.offset_m or noise.turn_deg:
-        view = replace(view, camera=misplaced(view.camera, noise.offset_m, noise.turn_deg, rig))
+        way, axis = (v / np.linalg.norm(v) for v in rig.standard_normal((2, 3)))
+        turn = Rotation.from_rotvec(np.deg2rad(noise.turn_deg) * axis).as_matrix()
+        pose = view.camera.world_from_camera @ rigid(turn, noise.offset_m * way)
+        view = replace(view, camera=replace(view.camera, world_from_camera=pose))
     return view
 
 
@@ -69,72 +78,42 @@ def _measured(
     """(H, W) depth, metres."""
     depth: NDArray[np.float64] = true.astype(np.float64)
     lost = np.zeros(depth.shape, dtype=bool)
-    if noise.grazing:
-        lost |= grazed(view.camera, depth, noise.grazing, rng)
-    if noise.dark:
-        lost |= darkened(view.image, noise.dark, rng)
-    if noise.flying:
-        depth = flying(depth, noise.flying, rng)
-    depth = scale * depth + rng.standard_normal(depth.shape) * (noise.sigma_m + noise.sigma_rel * depth)
-    if noise.quantum_m:
-        depth = noise.quantum_m * np.rint(depth / noise.quantum_m)
-    lost |= rng.random(depth.shape) < noise.dropout
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if noise.grazing:
+            share = noise.grazing * _between(_slant(view.camera, depth), GRAZING_FROM, GRAZING_ALL)
+            lost |= rng.random(depth.shape) < np.nan_to_num(share)
+        if noise.dark:
+            share = noise.dark * _between(view.image.mean(axis=-1) / 255.0, DARK_FROM, DARK_ALL)
+            lost |= rng.random(depth.shape) < share
+        if noise.flying:
+            depth = _flying(depth, noise.flying, rng)
+        depth = scale * depth + rng.standard_normal(depth.shape) * (noise.sigma_m + noise.sigma_rel * depth)
+        if noise.quantum_m:
+            depth = noise.quantum_m * np.rint(depth / noise.quantum_m)
+        lost |= rng.random(depth.shape) < noise.dropout
         lost |= depth <= 0
     return np.where(lost, np.nan, depth).astype(np.float32)
 
 
-def flying(depth: FloatArray, share: float, rng: np.random.Generator) -> FloatArray:
-    """Depth (H, W) in which a ``share`` of the pixels at steps lie somewhere between both sides."""
-    with np.errstate(invalid="ignore"):
-        padded = np.pad(depth, 1, mode="edge")
-        around = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
-        near, far = np.fmin.reduce(around), np.fmax.reduce(around)
-        steps = np.isfinite(depth) & (far - near > JUMP)
-    struck = steps & (rng.random(depth.shape) < share)
-    mixed = near + (far - near) * rng.random(depth.shape)
-    return np.where(struck, mixed, depth)
+def _between(value: FloatArray, none: float, whole: float) -> FloatArray:
+    """0 at ``none``, 1 at ``whole``, linear between."""
+    return np.clip((value - none) / (whole - none), 0.0, 1.0)
 
 
-def grazed(camera: Camera, depth: FloatArray, share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels lost because of a grazing view of their surface."""
+def _slant(camera: Camera, depth: FloatArray) -> FloatArray:
+    """(H, W) angle between the view and each pixel's surface normal, radians."""
     points = camera.backproject(depth)
-    across, down = np.gradient(points, axis=1), np.gradient(points, axis=0)
-    normal = np.cross(across, down)
+    normal = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
     ray = points - camera.position
-    with np.errstate(invalid="ignore", divide="ignore"):
-        cosine = np.abs(np.einsum("ijk,ijk->ij", normal, ray))
-        cosine = cosine / (np.linalg.norm(normal, axis=-1) * np.linalg.norm(ray, axis=-1))
-        angle = np.arccos(np.clip(cosine, 0.0, 1.0))
-        lost = np.clip((angle - GRAZING_FROM) / (GRAZING_ALL - GRAZING_FROM), 0.0, 1.0) * share
-    return np.asarray(rng.random(depth.shape) < np.nan_to_num(lost))
+    cosine = np.abs(np.einsum("ijk,ijk->ij", normal, ray))
+    cosine = cosine / (np.linalg.norm(normal, axis=-1) * np.linalg.norm(ray, axis=-1))
+    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def darkened(image: NDArray[np.uint8], share: float, rng: np.random.Generator) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels lost because their surface reflects too little light."""
-    bright = image.mean(axis=-1) / 255.0
-    lost = np.clip((DARK_FROM - bright) / (DARK_FROM - DARK_ALL), 0.0, 1.0) * share
-    return np.asarray(rng.random(bright.shape) < lost)
-
-
-def tinted(
-    image: NDArray[np.uint8],
-    noise: float,
-    exposure: float,
-    rig: np.random.Generator,
-    rng: np.random.Generator,
-) -> NDArray[np.uint8]:
-    """The image with independent ``noise`` (deviation, in [0, 1]), and this camera's constant gain.
-
-    ``exposure`` is the gains' deviation over cameras; the three channels differ by a third of it.
-    """
-    gain = (1.0 + exposure * rig.standard_normal()) * (1.0 + exposure / 3.0 * rig.standard_normal(3))
-    grains = 255.0 * noise * rng.standard_normal(image.shape)
-    return np.asarray(np.clip(np.rint(image * np.clip(gain, 0.3, 3.0) + grains), 0, 255), dtype=np.uint8)
-
-
-def misplaced(camera: Camera, offset: float, turn: float, rig: np.random.Generator) -> Camera:
-    """The camera with a calibration error: off by ``offset`` metres and ``turn`` degrees in random directions."""
-    way, axis = (v / np.linalg.norm(v) for v in rig.standard_normal((2, 3)))
-    wrong = rigid(Rotation.from_rotvec(np.deg2rad(turn) * axis).as_matrix(), offset * way)
-    return Camera(camera.K, camera.world_from_camera @ wrong, camera.width, camera.height, camera.name)
+def _flying(depth: FloatArray, share: float, rng: np.random.Generator) -> FloatArray:
+    """Depth (H, W) in which a ``share`` of the pixels at steps lie somewhere between both sides."""
+    padded = np.pad(depth, 1, mode="edge")
+    around = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
+    near, far = np.fmin.reduce(around), np.fmax.reduce(around)
+    struck = np.isfinite(depth) & (far - near > JUMP) & (rng.random(depth.shape) < share)
+    return np.where(struck, near + (far - near) * rng.random(depth.shape), depth)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.robot.kinematics import Finger, Kinematics
 from gvla2.robot.options import ArmConfig
+from gvla2.robot.urdf import link_of
 
 PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")
 _PALM_SIZE, _FINGER_SIZE, _TRAVEL = (0.064, 0.12, 0.06), (0.022, 0.013, 0.05), 0.0425
@@ -57,28 +59,27 @@ def own_gripper(robot: ET.Element, config: ArmConfig) -> Gripper:
     asked = list(config.gripper_joints)
     for name in asked:
         known("robot.gripper_joints", name, joints)
-    for name, joint in joints.items():
-        leader = joint.find("mimic")
-        if leader is not None and leader.get("joint") in asked and name not in asked:
-            asked.append(name)
-    turning = [
-        f"{name} ({joints[name].get('type')})" for name in asked if joints[name].get("type") != "prismatic"
-    ]
-    if turning or len(asked) != 2:
+    followers = {name: mimic.get("joint") for name, j in joints.items() for mimic in j.iterfind("mimic")}
+    asked += [name for name, leader in followers.items() if leader in asked and name not in asked]
+    kinds = {name: joints[name].get("type") for name in asked}
+    if set(kinds.values()) != {"prismatic"} or len(asked) != 2:
         sliding = [name for name, joint in joints.items() if joint.get("type") == "prismatic"]
         raise RobotError(
-            f"robot.gripper_joints={asked} must be two prismatic joints, one a finger"
-            f"{'; not so: ' + ', '.join(turning) if turning else ''}. This arm has {sliding or 'none'}. "
+            "robot.gripper_joints must be two prismatic joints, one a finger, got "
+            f"{', '.join(f'{name} ({kind})' for name, kind in kinds.items())}. This arm has {sliding or 'none'}. "
             "Without its own fingers (robot.gripper_joints=[]) a gripper is mounted at the tool link."
         )
-    ends = [[float(_part(joints[name], "limit").get(k, 0.0)) for k in ("lower", "upper")] for name in asked]
-    palm, *others = {_part(joints[name], "parent").get("link", "") for name in asked}
+    fingers = []
+    for name in asked:
+        limit = joints[name].find("limit")
+        ends = [0.0 if limit is None else float(limit.get(k, 0.0)) for k in ("lower", "upper")]
+        fingers.append(Finger(name, *ends))
+    palm, *others = {link_of(joints[name], "parent") for name in asked}
     if others:
         raise RobotError(
             f"The fingers {asked} hang on different links, {sorted([palm, *others])}; one must carry both."
         )
-    links = tuple(_part(joints[name], "child").get("link", "") for name in asked)
-    return Gripper(palm, tuple(Finger(n, *e) for n, e in zip(asked, ends, strict=True)), links)
+    return Gripper(palm, tuple(fingers), tuple(link_of(joints[name], "child") for name in asked))
 
 
 def known(option: str, asked: str, names: Mapping[str, object] | Sequence[str]) -> None:
@@ -99,23 +100,17 @@ def measured(
     low, high = (_in_tool(kinematics, gripper, vertices, share) for share in (0.0, 1.0))
     left, right = gripper.finger_links
     apart = [np.linalg.norm(at[left].mean(axis=0) - at[right].mean(axis=0)) for at in (low, high)]
-    moved = [high[link].mean(axis=0) - low[link].mean(axis=0) for link in (left, right)]
-    travel = float(sum(np.linalg.norm(m) for m in moved))
     if abs(apart[1] - apart[0]) < 1e-3:
-        names = [finger.joint for finger in gripper.fingers]
-        limits = [(finger.closed, finger.opened) for finger in gripper.fingers]
+        limits = {finger.joint: (finger.closed, finger.opened) for finger in gripper.fingers}
         raise RobotError(
-            f"The gripper cannot open: over the whole range {limits} m of the joints {names} their fingers stay as "
-            "far apart. Correct the joints' limits or axes in the URDF, or name other joints."
+            f"The gripper cannot open: over the whole range {limits} m of its joints their fingers stay as far apart. "
+            "Correct the joints' limits or axes in the URDF, or name other joints."
         )
     if apart[1] < apart[0]:
+        low, high = high, low
         flipped = tuple(Finger(f.joint, f.opened, f.closed) for f in gripper.fingers)
-        gripper, low, high, moved = (
-            Gripper(gripper.palm, flipped, gripper.finger_links),
-            high,
-            low,
-            [-m for m in moved],
-        )
+        gripper = replace(gripper, fingers=flipped)
+    moved = [high[link].mean(axis=0) - low[link].mean(axis=0) for link in (left, right)]
     way = moved[0] / np.linalg.norm(moved[0])
     if abs(way[2]) > 0.2:
         raise RobotError(
@@ -123,24 +118,21 @@ def measured(
             "hand and the fingers slide across. robot.tool_rpy=[roll,pitch,yaw] (radians) turns the frame."
         )
     yaw = float(np.arctan2(-way[0], way[1]))
-    turn = np.eye(4)
-    if abs(yaw) > 1e-6:
-        turn[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-    open_, palm = ({k: transform_points(invert_rigid(turn), v) for k, v in at.items()} for at in (high, low))
-    end = max(open_[link][:, 2].max() for link in (left, right))
-    pads = {link: open_[link][open_[link][:, 2] > end - _PAD] for link in (left, right)}
-    inner, outer = pads[left][:, 1].min(), pads[right][:, 1].max()
-    body = palm[gripper.palm]
-    between = [float(np.mean([p[:, 0].mean() for p in pads.values()])), 0.5 * float(inner + outer)]
+    turn = rigid(Rotation.from_euler("z", yaw if abs(yaw) > 1e-6 else 0.0).as_matrix())
+    opened = {link: transform_points(invert_rigid(turn), points) for link, points in high.items()}
+    end = max(opened[link][:, 2].max() for link in (left, right))
+    pads = [opened[link][opened[link][:, 2] > end - _PAD] for link in (left, right)]
+    inner, outer, body = pads[0][:, 1].min(), pads[1][:, 1].max(), opened[gripper.palm]
+    between = (np.mean([pad[:, 0].mean() for pad in pads]), 0.5 * (inner + outer), end)
     hand = {
-        "max_width": max(float(inner - outer), travel),
-        "finger_length": float(end - min(body[:, 2].max(), end - _PAD)),
-        "finger_thickness": float(max(np.ptp(p[:, 1]) for p in pads.values())),
-        "finger_breadth": float(max(np.ptp(p[:, 0]) for p in pads.values())),
-        "palm_breadth": float(np.ptp(body[:, 1])),
-        "palm_depth": float(np.ptp(body[:, 0])),
+        "max_width": max(inner - outer, sum(np.linalg.norm(m) for m in moved)),
+        "finger_length": end - min(body[:, 2].max(), end - _PAD),
+        "finger_thickness": max(np.ptp(pad[:, 1]) for pad in pads),
+        "finger_breadth": max(np.ptp(pad[:, 0]) for pad in pads),
+        "palm_breadth": np.ptp(body[:, 1]),
+        "palm_depth": np.ptp(body[:, 0]),
     }
-    return gripper, turn @ rigid(translation=(*between, float(end))), hand
+    return gripper, turn @ rigid(translation=between), {name: float(size) for name, size in hand.items()}
 
 
 def _in_tool(
@@ -151,15 +143,6 @@ def _in_tool(
     poses = kinematics.link_poses(joints, share)
     tool_from_world = invert_rigid(kinematics.forward(joints))
     return {link: transform_points(tool_from_world @ poses[link], vertices[link]) for link in gripper.links}
-
-
-def _part(joint: ET.Element, tag: str) -> ET.Element:
-    part = joint.find(tag)
-    if part is None:
-        raise RobotError(
-            f"The joint {joint.get('name')} of the URDF has no <{tag}>; a gripper's joint needs one."
-        )
-    return part
 
 
 def _add(robot: ET.Element, link: str, kind: str, joint: str, shape: str, height: float) -> None:

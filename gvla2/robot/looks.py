@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -40,15 +40,6 @@ _VERSION = 3
 """Changes whenever a thinned mesh would: it is part of the cache's keys."""
 
 
-@dataclass(frozen=True)
-class PaintedMesh:
-    """``vertices`` (V, 3) metres, ``faces`` (F, 3) indices, ``rgb`` (F, 3) in [0, 1]."""
-
-    vertices: FloatArray
-    faces: NDArray[np.int64]
-    rgb: FloatArray
-
-
 def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
     """A surface for each link of a URDF (meshes by full paths) that has a shape, by name, in the link's frame.
 
@@ -58,13 +49,13 @@ def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
     surfaces = {}
     for link in robot.iterfind("link"):
         solids = (link.findall("visual") if drawn else []) or link.findall("collision")
-        meshes = [mesh for mesh in (_shape(solid, paints, drawn) for solid in solids) if len(mesh.faces)]
-        if meshes:
-            surfaces[link.get("name", "")] = _surface(meshes, identity=0)
+        shapes = [shape for shape in (_shape(solid, paints, drawn) for solid in solids) if shape is not None]
+        if shapes:
+            surfaces[link.get("name", "")] = _joined(shapes, identity=0)
     return surfaces
 
 
-def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: bool) -> PaintedMesh:
+def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: bool) -> Surface | None:
     """One visual or collision of a link, in the link's frame; its own colour, else its material's, else grey."""
     material = solid.find("material")
     if material is not None and material.find("color") is None:
@@ -72,43 +63,42 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
     paint = None if material is None else material.find("color")
     rgb: Any = GREY if paint is None else tuple(float(v) for v in paint.get("rgba", "").split()[:3])
     shape = solid.find("geometry/*")
-    mesh = PaintedMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)))
     if shape is not None and shape.tag == "mesh":
-        mesh = _read_mesh(Path(shape.get("filename", "")), rgb, thinned)
-        mesh = replace(
-            mesh, vertices=mesh.vertices * np.array(shape.get("scale", "1 1 1").split(), dtype=np.float64)
-        )
+        surface = _read_mesh(Path(shape.get("filename", "")), rgb, thinned)
+        scale = np.array(shape.get("scale", "1 1 1").split(), dtype=np.float64)
+        surface = replace(surface, vertices=surface.vertices * scale)
     elif shape is not None and shape.tag in ("box", "cylinder", "sphere"):
         size = [float(v) for v in shape.get("size", "").split()] or [2 * float(shape.get("radius", 0.0))] * 3
         kind: Any = shape.tag
-        mesh = _solid(Primitive(kind, (size[0], size[1], float(shape.get("length", size[2]))), rgb))
-    return replace(mesh, vertices=transform_points(_origin(solid.find("origin")), mesh.vertices))
+        surface = _solid(Primitive(kind, (size[0], size[1], float(shape.get("length", size[2]))), rgb))
+    else:
+        return None
+    if not len(surface.faces):
+        return None
+    return replace(surface, vertices=transform_points(_origin(solid.find("origin")), surface.vertices))
 
 
 @lru_cache(maxsize=64)
-def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh:
+def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> Surface:
     """A file's triangles in its own colours, else in ``rgb``; ``thinned`` ones come from the cache where they are."""
-    if not thinned:
-        return _load(path, rgb)
-    key = f"{_VERSION} {CELL} {rgb} {path.suffix} {hashlib.sha256(path.read_bytes()).hexdigest()}"
 
-    def thin() -> dict[str, NDArray[Any]]:
-        mesh = _load(path, rgb)
+    def load() -> dict[str, NDArray[Any]]:
+        try:
+            textured = read_textured_mesh(path, up="z")
+        except GeometryError as error:
+            raise RobotError(str(error)) from error
+        mesh, colours = textured.mesh, textured.rgb.mean(axis=1).astype(np.float64)
+        if not textured.images and bool((textured.rgb == np.float32(GREY[0])).all()):
+            colours = np.tile(rgb, (len(mesh.faces), 1))
+        if not thinned:
+            return {"vertices": mesh.vertices, "faces": mesh.faces, "rgb": colours}
         coarse, kept = TriangleMesh(mesh.vertices, mesh.faces).clustered(CELL)
-        return {"vertices": coarse.vertices, "faces": coarse.faces, "rgb": mesh.rgb[kept]}
+        return {"vertices": coarse.vertices, "faces": coarse.faces, "rgb": colours[kept]}
 
-    return PaintedMesh(**cached_arrays(cache_folder() / "looks", key, thin))
-
-
-def _load(path: Path, rgb: tuple[float, ...]) -> PaintedMesh:
-    """All triangles of a mesh file, in ``rgb`` where it has no colours; raises :class:`RobotError` without any."""
-    try:
-        textured = read_textured_mesh(path, up="z")
-    except GeometryError as error:
-        raise RobotError(str(error)) from error
-    uncoloured = not textured.images and bool((textured.rgb == np.float32(GREY[0])).all())
-    colours = np.tile(rgb, (len(textured.mesh.faces), 1)) if uncoloured else textured.rgb.mean(axis=1)
-    return PaintedMesh(textured.mesh.vertices, textured.mesh.faces, np.asarray(colours, dtype=np.float64))
+    if not thinned:
+        return Surface(**load(), id=0)
+    key = f"{_VERSION} {CELL} {rgb} {path.suffix} {hashlib.sha256(path.read_bytes()).hexdigest()}"
+    return Surface(**cached_arrays(cache_folder() / "looks", key, load), id=0)
 
 
 class RobotLooks:
@@ -144,31 +134,32 @@ def body_surface(body: Body) -> Surface:
         mesh = scan.textured.mesh
         vertices = transform_points(scan.body_from_shape, mesh.vertices)
         return Surface(vertices, mesh.faces, scan.textured.rgb.mean(axis=1), 1, scan.texture)
-    return _surface([_solid(solid) for solid in body.solids], identity=1)
+    return _joined([_solid(solid) for solid in body.solids], identity=1)
 
 
-def _solid(solid: Solid) -> PaintedMesh:
+def _solid(solid: Solid) -> Surface:
     if isinstance(solid, Scan):
         mesh = solid.textured.mesh
-        vertices = transform_points(solid.body_from_shape, mesh.vertices)
-        return PaintedMesh(vertices, mesh.faces, solid.face_colours)
+        return Surface(
+            transform_points(solid.body_from_shape, mesh.vertices), mesh.faces, solid.face_colours, 0
+        )
     if solid.kind == "box":
-        mesh = trimesh.creation.box(extents=solid.size)
+        shape = trimesh.creation.box(extents=solid.size)
     elif solid.kind == "cylinder":
-        mesh = trimesh.creation.cylinder(0.5 * solid.size[0], height=solid.size[2], sections=_SEGMENTS)
+        shape = trimesh.creation.cylinder(0.5 * solid.size[0], height=solid.size[2], sections=_SEGMENTS)
     else:
-        mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.5 * solid.size[0])
-    faces = np.asarray(mesh.faces, dtype=np.int64)
-    vertices = transform_points(solid.body_from_shape, mesh.vertices)
-    return PaintedMesh(vertices, faces, np.tile(solid.rgb, (len(faces), 1)))
+        shape = trimesh.creation.icosphere(subdivisions=3, radius=0.5 * solid.size[0])
+    faces = np.asarray(shape.faces, dtype=np.int64)
+    vertices = transform_points(solid.body_from_shape, shape.vertices)
+    return Surface(vertices, faces, np.tile(solid.rgb, (len(faces), 1)), 0)
 
 
-def _surface(meshes: Sequence[PaintedMesh], identity: int) -> Surface:
-    starts = np.cumsum([0, *(len(m.vertices) for m in meshes)])
+def _joined(surfaces: Sequence[Surface], identity: int) -> Surface:
+    starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
     return Surface(
-        np.concatenate([m.vertices for m in meshes]),
-        np.concatenate([m.faces + start for m, start in zip(meshes, starts, strict=False)]),
-        np.concatenate([m.rgb for m in meshes]),
+        np.concatenate([s.vertices for s in surfaces]),
+        np.concatenate([s.faces + start for s, start in zip(surfaces, starts, strict=False)]),
+        np.concatenate([s.rgb for s in surfaces]),
         identity,
     )
 

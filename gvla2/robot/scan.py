@@ -14,7 +14,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError, GeometryError, did_you_mean
 from gvla2.geometry.mesh import Texture, TexturedMesh, TriangleMesh
 from gvla2.geometry.mesh_files import read_textured_mesh
-from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2.perception.scans import corners_of, scan_files
 
 if TYPE_CHECKING:
@@ -74,10 +74,6 @@ class Scan:
     def hull(self) -> FloatArray:
         """(N, 3) the corners of its convex hull, the solid's frame."""
         return corners_of(self.textured.mesh.vertices)
-
-    def lowest(self, world_from_body: FloatArray) -> float:
-        """World z of its lowest point with the body at ``world_from_body`` (4, 4), metres."""
-        return float(transform_points(world_from_body @ self.body_from_shape, self.hull)[:, 2].min())
 
 
 def read_scan(path: str | os.PathLike[str], scale: float | None = None) -> Scan:

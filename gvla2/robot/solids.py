@@ -54,12 +54,12 @@ def on(surface: FloatArray, size: tuple[float, float], height: float) -> Volume:
 
 def lowest(solid: Solid, world_from_body: FloatArray) -> float:
     """World z of a solid's lowest point with its body at ``world_from_body`` (4, 4), metres (round: their box)."""
-    if isinstance(solid, Scan):
-        return solid.lowest(world_from_body)
-    pose = world_from_body @ solid.body_from_shape
-    half = 0.5 * np.asarray(solid.size)
-    below = half[0] if solid.kind == "sphere" else float(np.abs(pose[2, :3]) @ half)
-    return float(pose[2, 3]) - float(below)
+    return float(_solid_points(solid, world_from_body)[:, 2].min())
+
+
+def _solid_points(solid: Solid, world_from_body: FloatArray) -> FloatArray:
+    local = solid.hull if isinstance(solid, Scan) else box_corners(solid.size)
+    return transform_points(world_from_body @ solid.body_from_shape, local)
 
 
 def extent(solids: tuple[Solid, ...]) -> tuple[FloatArray, FloatArray]:
@@ -70,11 +70,7 @@ def extent(solids: tuple[Solid, ...]) -> tuple[FloatArray, FloatArray]:
 
 def body_points(body: Body, world_from_body: FloatArray) -> FloatArray:
     """(N, 3) world points whose convex hull holds the body at its pose (4, 4); round solids by their boxes."""
-    points = []
-    for solid in body.solids:
-        local = solid.hull if isinstance(solid, Scan) else box_corners(solid.size)
-        points.append(transform_points(world_from_body @ solid.body_from_shape, local))
-    return np.concatenate(points)
+    return np.concatenate([_solid_points(solid, world_from_body) for solid in body.solids])
 
 
 Rgb = tuple[float, float, float]

@@ -151,21 +151,14 @@ class Layout:
 
     def lit(self, peaks: Mapping[str, float]) -> tuple[Body, ...]:
         """The bodies as they then look."""
-        lights = zip(self.glows, self.lights(peaks), strict=True)
-        shining = {(glow.body, glow.solid): glow.rgb for glow, on in lights if on}
-        return tuple(
-            replace(
-                body,
-                solids=tuple(
-                    _shone(solid, shining.get((body.name, i))) for i, solid in enumerate(body.solids)
-                ),
-            )
-            for body in self.bodies
-        )
-
-
-def _shone(solid: Solid, rgb: tuple[float, float, float] | None) -> Solid:
-    return replace(solid, rgb=rgb) if rgb is not None and isinstance(solid, Primitive) else solid
+        bodies = {body.name: body for body in self.bodies}
+        for glow, on in zip(self.glows, self.lights(peaks), strict=True):
+            solids = list(bodies[glow.body].solids)
+            solid = solids[glow.solid]
+            if on and isinstance(solid, Primitive):
+                solids[glow.solid] = replace(solid, rgb=glow.rgb)
+                bodies[glow.body] = replace(bodies[glow.body], solids=tuple(solids))
+        return tuple(bodies.values())
 
 
 class WorldState(Protocol):
@@ -297,21 +290,19 @@ def check_instance(instance: object) -> None:
 def _check_joints(layout: Layout, names: list[str]) -> None:
     ties: list[Joint | Thread] = [*layout.joints, *layout.threads]
     for tie in ties:
+        pair, length = {tie.parent, tie.child}, float(np.linalg.norm(tie.axis))
         require(
-            {tie.parent, tie.child} <= set(names),
-            f"'{tie.name}' ties '{tie.parent}' to '{tie.child}'; the bodies are {sorted(names)}.",
+            pair <= set(names), f"'{tie.name}' ties '{tie.parent}' to '{tie.child}'; the bodies are {names}."
         )
         require(tie.limits[0] < tie.limits[1], f"'{tie.name}': its limits {tie.limits} are not a range.")
-        length = float(np.linalg.norm(tie.axis))
         require(abs(length - 1) < 1e-6, f"'{tie.name}': its axis has length {length:.4f}, not 1.")
-    children = [tie.child for tie in ties]
-    require(len(set(children)) == len(children), f"A body hangs on two joints: {sorted(children)}.")
     parents = {tie.child: tie.parent for tie in ties}
-    for child in children:
-        above = parents[child]
-        while above in parents and above != child:
-            above = parents[above]
-        require(above != child, f"The joints form a ring through '{child}'.")
+    require(len(parents) == len(ties), f"A body hangs on two joints: {sorted(tie.child for tie in ties)}.")
+    for child in parents:
+        above = {child}
+        while (child := parents.get(child, "")) and child not in above:
+            above.add(child)
+        require(not child, f"The joints form a ring through '{child}'.")
     for thread in layout.threads:
         require(
             not layout[thread.child].fixed and 0 < thread.release < 2 * np.pi,
@@ -324,10 +315,9 @@ def _check_joints(layout: Layout, names: list[str]) -> None:
             f"A catch holds '{catch.joint}' until '{catch.key}' has moved; the joints are {sorted(joints)}.",
         )
     for body in layout.bodies:
-        require(
-            (body.fixed and body.name not in parents) or any(solid.collides for solid in body.solids),
-            f"Body '{body.name}' can move, but nothing of it is solid.",
-        )
+        still = body.fixed and body.name not in parents
+        solid = still or any(solid.collides for solid in body.solids)
+        require(solid, f"Body '{body.name}' can move, but nothing of it is solid.")
 
 
 def _check_body(body: Body) -> None:
@@ -339,9 +329,7 @@ def _check_body(body: Body) -> None:
         require_type(solid, (Primitive, Scan), f"{what}: a solid")
         known = solid.kind in ("box", "cylinder", "sphere", "mesh")
         require(known, f"{what}: a solid is a '{solid.kind}'; there are box, cylinder, sphere and Scan.")
-        size = solid.size
-        require(
-            len(size) == 3 and min(size) > 0 and np.isfinite(size).all(), f"{what}: a solid of size {size}."
-        )
+        sound = len(solid.size) == 3 and min(solid.size) > 0 and np.isfinite(solid.size).all()
+        require(sound, f"{what}: a solid of size {solid.size}.")
         require(all(0 <= c <= 1 for c in solid.rgb), f"{what}: the colour {solid.rgb} leaves [0, 1].")
         require_rigid(solid.body_from_shape, f"{what}: body_from_shape")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from copy import deepcopy
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, PackagePath, distribution
@@ -16,6 +16,7 @@ import numpy as np
 
 from gvla2.errors import GeometryError, MissingDependencyError, RobotError
 from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.io.array_cache import cache_folder
 
 PACKAGE = "package://"
@@ -51,16 +52,18 @@ def read_urdf(path: Path) -> ET.Element:
             "`xacro FILE.xacro > FILE.urdf` makes one."
         )
     for link in robot.iterfind("link"):
+        name = link.get("name", "")
         if any(len(geometry) != 1 for geometry in link.iter("geometry")):
             raise RobotError(
-                f"A <geometry> of link {link.get('name')} in {path} does not hold one shape: give it a box, a "
-                "cylinder, a sphere or a mesh, or take out its <visual> or <collision>."
+                f"A <geometry> of link {name} in {path} does not hold one shape: give it a box, a cylinder, a sphere "
+                "or a mesh, or take out its <visual> or <collision>."
             )
         for mesh in link.iter("mesh"):
-            mesh.set("filename", str(find_mesh(path, mesh.get("filename", ""), link.get("name", ""))))
+            mesh.set("filename", str(find_mesh(path, mesh.get("filename", ""), name)))
         if link.find("collision") is None:
             for visual in link.findall("visual"):
-                link.append(_as_collision(visual))
+                collision = ET.SubElement(link, "collision")
+                collision.extend(deepcopy(e) for e in visual if e.tag in ("origin", "geometry"))
         for mesh in link.iterfind("collision/geometry/mesh"):
             if mesh.get("filename", "").lower().endswith(".dae"):
                 mesh.set("filename", str(_as_obj(Path(mesh.get("filename", "")))))
@@ -84,12 +87,12 @@ def read_urdf(path: Path) -> ET.Element:
 
 def freeze(robot: ET.Element, links: Collection[str], moving: Collection[str]) -> None:
     """Fix the joints, at zero, that neither carry ``links`` nor are ``moving``: another arm, a hand not used."""
-    above = {_link_of(j, "child"): j for j in robot.iterfind("joint")}
+    above = {link_of(j, "child"): j for j in robot.iterfind("joint")}
     chain = set(moving)
     for link in links:
         while link in above:
             chain.add(above[link].get("name", ""))
-            link = _link_of(above[link], "parent")
+            link = link_of(above[link], "parent")
     for joint in above.values():
         if joint.get("name") not in chain:
             joint.set("type", "fixed")
@@ -122,20 +125,10 @@ def without_looks(robot: ET.Element) -> str:
     return ET.tostring(bare, encoding="unicode")
 
 
-@lru_cache
-def _files(package: str) -> tuple[PackagePath, ...]:
-    return tuple(distribution(package).files or ())
-
-
-def _link_of(joint: ET.Element, end: str) -> str:
-    part = joint.find(end)
-    return "" if part is None else part.get("link", "")
-
-
-def _as_collision(visual: ET.Element) -> ET.Element:
-    collision = ET.Element("collision")
-    collision.extend(deepcopy(e) for e in visual if e.tag in ("origin", "geometry"))
-    return collision
+def link_of(joint: ET.Element, end: str) -> str:
+    """The name of a joint's ``parent`` or ``child`` link."""
+    found = joint.find(end)
+    return "" if found is None else found.get("link", "")
 
 
 def _as_obj(collada: Path) -> Path:
@@ -143,11 +136,6 @@ def _as_obj(collada: Path) -> Path:
 
     Collision checkers and simulators disagree on the unit and the nodes of COLLADA; an OBJ file they read alike.
     """
-    from gvla2.geometry.mesh_files import (
-        read_mesh,
-        write_mesh,
-    )  # few robots need it, and trimesh loads slowly
-
     try:
         content = collada.read_bytes()
         target = cache_folder() / "collision" / f"{hashlib.sha256(content).hexdigest()[:32]}.obj"
@@ -160,6 +148,7 @@ def _as_obj(collada: Path) -> Path:
     return target
 
 
+@lru_cache
 def _in_package(name: str) -> Path | None:
     """The file of ``package://PACKAGE/PATH``: in ROS's folders, an installed distribution or a Python package."""
     package, _, rest = name.removeprefix(PACKAGE).partition("/")
@@ -167,13 +156,13 @@ def _in_package(name: str) -> Path | None:
         for root in (Path(folder), Path(folder) / package):
             if root.name == package and (root / rest).is_file():
                 return root / rest
+    files: Sequence[PackagePath] = ()
     try:
-        files = _files(package)
+        files = distribution(package).files or ()
     except PackageNotFoundError:
         if package == _DESCRIPTIONS:
             needs = f"The robot's description ({name})"
             raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[arms]"') from None
-        files = ()
     found = next((f for f in files if str(f).endswith(f"/{package}/{rest}")), None)
     if found is not None:
         return Path(str(found.locate())).resolve()

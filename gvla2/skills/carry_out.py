@@ -17,7 +17,7 @@ from gvla2.planning.part_hierarchy import CLEAR, assembled, joined, rise
 from gvla2.planning.scene import SceneObject
 from gvla2.planning.skill import Job, Proposal, Skill
 from gvla2.skills.candidates import choose
-from gvla2.skills.grounding import Meant, meant, whole_meant
+from gvla2.skills.grounding import Meant, meant, turned, whole_meant
 from gvla2.skills.multi_step import all_in_one, first_part
 from gvla2.skills.parameters import limited, scales
 from gvla2.skills.table import STANDARD
@@ -72,6 +72,7 @@ def _one(
         return Plan(None, abstention=Abstention("unknown_skill", message))
     skill = skills[what.skill]
     call = replace(call, theme=what.theme.id, goal=what.goal.id if what.goal is not None else "")
+    call = turned(call, what.theme) if what.skill == "twist" else call
     refusal = unaimed(call, skill, request.scene)
     plan = refusal or _planned(call, what, skill, request, options, share)
     if isinstance(plan, Abstention):

@@ -9,7 +9,7 @@ geometry. The rules for which objects a skill applies to are generous: an imposs
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gvla2.planning.arm import Hand
 from gvla2.planning.calls import SkillCall
@@ -22,8 +22,10 @@ from gvla2.planning.part_hierarchy import (
     closed_by,
     holders,
     inside,
+    is_ajar,
     is_button,
     is_lid,
+    knob_of,
     root_of,
 )
 from gvla2.planning.scene import Scene, SceneObject
@@ -49,6 +51,9 @@ def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
     """The meaning of a standard call; an abstention if the skill does not apply to the object."""
     theme = scene[call.theme]
     goal = scene[call.goal] if call.goal else None
+    knob = knob_of(theme, scene) if call.skill in ("press", "twist") else None
+    if knob is not None and (call.skill == "twist" or button_of(theme, scene) is None):
+        return Meant("twist", knob)
     if call.skill == "press":
         button = button_of(theme, scene)
         if button is None:
@@ -57,6 +62,13 @@ def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
                 f"The {theme.label} cannot be pressed and does not have exactly one button.",
             )
         return Meant("press", button)
+    if call.skill in ("open", "close", "pull"):
+        moving = [p for p in scene.parts_of(theme.id) if is_ajar(p) is not None]
+        fit = [p for p in moving if is_ajar(p) == (call.skill == "close")] if len(moving) > 1 else moving
+        if moving and len(fit) != 1:
+            names = ", ".join(p.label for p in moving)
+            return Abstention("ambiguous", f"The {theme.label} has {names}; say which to {call.skill}.")
+        theme = fit[0] if fit else theme
     skill = suited(call.skill, theme, scene, aimed=goal is not None or call.xy is not None)
     skill, theme = unscrewed(skill, theme, scene)
     if skill == "twist" and closed_by(theme, scene) is None and not is_lid(theme, scene):
@@ -66,6 +78,19 @@ def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
         if skill == "close":
             return Meant(skill, theme)
     return Meant(skill, theme, goal)
+
+
+def turned(call: SkillCall, knob: SceneObject, on: bool | None = None) -> SkillCall:
+    """The call that turns a knob ``on``, as far as it goes, or off, back to where it began; to the other if None.
+
+    The call's own ``turn``, if it has one, stays.
+    """
+    joint = knob.joint
+    if joint is None:
+        return call
+    on = joint.position < 0.5 * joint.reach if on is None else on
+    turn = (joint.reach if on else 0.0) - joint.position
+    return replace(call, skill="twist", theme=knob.id, theta={"turn": turn, **call.theta})
 
 
 def suited(skill: str, theme: SceneObject, scene: Scene, *, aimed: bool = False) -> str:
@@ -165,7 +190,9 @@ def fits_pick(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
 
 
 def fits_press(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
-    """A button, or something with one button; if a part is labelled a button, no other part."""
+    """A button or knob, or something with one; if a part is labelled a button, no other part."""
+    if knob_of(obj, scene) is not None:
+        return True
     kin = scene.parts_of(root_of(obj, scene).id)
     if is_button(obj, scene) and not called(obj, "button") and any(called(p, "button") for p in kin):
         return False
@@ -184,7 +211,7 @@ FITS: Mapping[str, Callable[[SceneObject, Scene, Hand], bool]] = {
     "place": fits_pick,
     "push": lambda obj, scene, hand: not obj.parent and obj.bottom - scene.table_height < RESTING,
     "press": fits_press,
-    "twist": lambda obj, scene, hand: cap_of(obj, scene) is not None,
+    "twist": lambda obj, scene, hand: bool(cap_of(obj, scene) or knob_of(obj, scene)),
     "insert": lambda obj, scene, hand: any(
         fits_over(obj, post) for post in scene.objects if post.id != obj.id
     ),

@@ -55,7 +55,8 @@ def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abst
 def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
     """The refusal of a missing, superfluous or wrong goal or amount; ``skill`` is what the call means for its theme."""
     role, message = skill.role("goal"), ""
-    given = [bool(call.goal), call.xy is not None, call.direction is not None]
+    spot_in_goal = bool(call.goal) and call.xy is not None and call.relation in ("on", "in")
+    given = [bool(call.goal), call.xy is not None and not spot_in_goal, call.direction is not None]
     if any(given) and (role is None or (not skill.free and any(given[1:]))):
         aimed = "a goal" if call.goal else "a place" if call.xy is not None else "a direction"
         message = f"'{skill.name}' does not take {aimed}; its signature is {skill.signature()}."

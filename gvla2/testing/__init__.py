@@ -22,8 +22,8 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.component import Component
 from gvla2.episode.record import EpisodeRecord
 from gvla2.plugins.kinds import KINDS, Kind, kind_of
+from gvla2.plugins.manager import fault_of_item, structured
 from gvla2.plugins.registry import load_plugins
-from gvla2.plugins.validation import fault_of_item, structured
 from gvla2.record.tracker import TrackedRun, Tracker, Viewer
 from gvla2.testing.conformance import ConformanceError, allowed, require, require_members, require_type
 from gvla2.testing.inputs import INSTRUCTION, observation, scene

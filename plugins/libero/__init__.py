@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class LiberoConfig(MujocoConfig):
-    """Options of ``libero``: those of :class:`MujocoConfig`.
+    """Options of ``libero``: those of :class:`MujocoConfig`; its sentences are those of a viewer who faces the robot.
 
     A task is ``suite/number``, the seed the number of the benchmark's initial state. The cameras are those of published
     evaluations. After ``settle_steps`` an episode has ``max_steps``; 0 takes the suite's, as in published evaluations
@@ -23,6 +23,7 @@ class LiberoConfig(MujocoConfig):
 
     name: str = "libero"
     cameras: list[str] = field(default_factory=lambda: ["agentview", "robot0_eye_in_hand"])
+    viewpoint: str = "facing"
     settle_steps: int = 10
     max_steps: int = 0
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box
@@ -98,6 +100,9 @@ def piper_urdf(tcp_offset: float = TCP_OFFSET) -> ET.Element:
     return robot
 
 
+PERIOD = 0.01
+"""Seconds between joint targets."""
+
 HIGHEST_SPEED_SHARE = 0.20
 """No configuration makes this backend faster than this share of full speed."""
 
@@ -107,25 +112,32 @@ HIGHEST_GRIP_EFFORT = 2.0
 
 @dataclass(frozen=True)
 class Bounds:
-    """The gate's limits: ``speed_share`` of full speed, targets every ``period`` seconds, ``grip_effort`` Nm.
+    """The gate's limits: ``speed_share`` of full speed, targets every :data:`PERIOD` seconds, ``grip_effort`` Nm.
 
     A joint target is a step of at most ``step`` (6,) radians from the last one, or lies within ``near`` radians of
     where the arm was measured; ``slack`` radians beyond the maker's limits are tolerated, because a parked arm
-    measures a little outside of them.
+    measures a little outside of them. Raises :class:`ConfigurationError` for more than this backend ever allows.
     """
 
     speed_share: float = 0.2
     grip_effort: float = 1.0
-    period: float = 0.01
     near: float = 0.05
     slack: float = 0.05
-    step: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        share = min(self.speed_share, HIGHEST_SPEED_SHARE)
-        object.__setattr__(self, "speed_share", share)
-        object.__setattr__(self, "grip_effort", min(self.grip_effort, HIGHEST_GRIP_EFFORT))
-        object.__setattr__(self, "step", 1.25 * share * FULL_SPEED * self.period)
+        if not 0.0 < self.speed_share <= HIGHEST_SPEED_SHARE:
+            raise ConfigurationError(
+                f"robot.speed={self.speed_share} must lie in (0, {HIGHEST_SPEED_SHARE}]."
+            )
+        if not 0.0 < self.grip_effort <= HIGHEST_GRIP_EFFORT:
+            raise ConfigurationError(
+                f"robot.grip_effort={self.grip_effort} must lie in (0, {HIGHEST_GRIP_EFFORT}] Nm."
+            )
+
+    @cached_property
+    def step(self) -> FloatArray:
+        """(6,) radians between two targets, with some room."""
+        return 1.25 * self.speed_share * FULL_SPEED * PERIOD
 
     @property
     def percent(self) -> int:

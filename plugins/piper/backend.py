@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,9 +23,9 @@ from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task, TaskInstance
 from gvla2_plugins.piper import PiperConfig
-from gvla2_plugins.piper.arm import HOME, MAX_WIDTH, make_arm
+from gvla2_plugins.piper.arm import HOME, MAX_WIDTH, PERIOD, Bounds, make_arm
 from gvla2_plugins.piper.driver import DryDriver, PathGuard, PiperDriver, measured
-from gvla2_plugins.piper.session import PERIOD, Session, ask_person, bounds_of
+from gvla2_plugins.piper.session import Session, ask_person
 
 EXPLAINED = 0.025
 """A depth this near (m) to the modelled arm's, or behind it, is the arm: the solids are a little too large."""
@@ -44,7 +45,7 @@ class Piper:
     def __init__(
         self, config: PiperConfig, camera: DepthCamera, ask: Callable[[str], str] = ask_person
     ) -> None:
-        bounds_of(config)
+        Bounds(config.speed, config.grip_effort)
         self._workspace = _workspace(config)
         if config.bus == "none" and config.armed:
             raise ConfigurationError("robot.armed=true needs an arm: choose a robot.bus other than none.")
@@ -96,10 +97,14 @@ class Piper:
         state = self._state()
         world_from_tcp = self._arm.forward(state.joints)
         frames = self._camera.observe(invert_rigid(self._world_from_base) @ world_from_tcp)
-        views = tuple(self._placed(view) for view in frames.views) or (_darkness(),)
+        poses = [self._world_from_base @ view.camera.world_from_camera for view in frames.views]
+        views = [
+            replace(view, camera=replace(view.camera, world_from_camera=pose))
+            for view, pose in zip(frames.views, poses, strict=True)
+        ]
         opening = float(np.clip(state.gripper_width / MAX_WIDTH, 0.0, 1.0))
-        views = self._made.mask(views, state.joints, state.gripper_width, EXPLAINED)
-        return Observation(Views(views), world_from_tcp, state.joints, opening, state.gripper_width)
+        masked = self._made.mask(views or [_darkness()], state.joints, state.gripper_width, EXPLAINED)
+        return Observation(Views(masked), world_from_tcp, state.joints, opening, state.gripper_width)
 
     def execute(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
@@ -110,21 +115,24 @@ class Piper:
         before anything moves.
         """
         session = self.session
-        loop = None if session is None else session.loop
-        if loop is not None:
-            loop.check()
-        slow = self._slowed(trajectory)
-        if refusal := self._outside(slow):
-            listener.waypoint(refusal)
-            return ExecutionReport((refusal,))
-        if session is None or loop is None:
+        if session is not None and session.loop is not None:
+            session.loop.check()
+        top = self._config.tool_speed
+        slow = Trajectory(tuple(replace(w, speed=min(w.speed, top)) for w in trajectory))
+        for index, waypoint in enumerate(slow):
+            if np.isfinite(waypoint.xyz).all() and not self._workspace.contains(np.array(waypoint.xyz)):
+                why = "Its target lies outside robot.workspace_low .. workspace_high. Nothing was sent."
+                refusal = self._not_started(index, waypoint, why)
+                listener.waypoint(refusal)
+                return ExecutionReport((refusal,))
+        if session is None or session.loop is None:
             return self._dry(slow, scene, listener)
 
         def note() -> None:
             state = driver.state()
             listener.moment(Moment(time.monotonic(), state.joints, state.gripper_width))
 
-        driver = PiperDriver(session.link, loop, self._guard, note)
+        driver = PiperDriver(session.link, session.loop, self._guard, note)
         return execute(slow, scene, self.planner, driver, listener, self._options)
 
     def success_check(self) -> SuccessCheck | None:
@@ -145,39 +153,13 @@ class Piper:
             return DriverState(np.array(HOME), MAX_WIDTH)
         return measured(self.session.link)
 
-    def _placed(self, view: View) -> View:
-        pose = self._world_from_base @ view.camera.world_from_camera
-        return replace(view, camera=replace(view.camera, world_from_camera=pose))
-
-    def _slowed(self, trajectory: Trajectory) -> Trajectory:
-        top = self._config.tool_speed
-        return Trajectory(tuple(replace(w, speed=min(w.speed, top)) for w in trajectory))
-
-    def _outside(self, trajectory: Trajectory) -> WaypointReport | None:
-        """A report that refuses the first waypoint out of the workspace, or None."""
-        for index, waypoint in enumerate(trajectory):
-            if np.isfinite(waypoint.xyz).all() and not self._workspace.contains(np.array(waypoint.xyz)):
-                why = "Its target lies outside robot.workspace_low .. workspace_high. Nothing was sent."
-                return self._not_started(index, waypoint, why)
-        return None
-
     def _not_started(self, index: int, waypoint: Waypoint, message: str) -> WaypointReport:
         """The report of a waypoint to which nothing moved."""
         state = self._state()
-        at = self._arm.forward(state.joints)[:3, 3]
-        error, (x, y, z) = float(np.linalg.norm(at - waypoint.xyz)), at.tolist()
-        width = state.gripper_width
-        return WaypointReport(
-            index,
-            waypoint.stage,
-            waypoint.xyz,
-            (x, y, z),
-            error,
-            width,
-            None,
-            abort="not_started",
-            message=message,
-        )
+        x, y, z = self._arm.forward(state.joints)[:3, 3].tolist()
+        error, width = math.dist((x, y, z), waypoint.xyz), state.gripper_width
+        report = WaypointReport(index, waypoint.stage, waypoint.xyz, (x, y, z), error, width, None)
+        return replace(report, abort="not_started", message=message)
 
     def _dry(self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener) -> ExecutionReport:
         """The whole execution as a dry run: one report that nothing was started."""

@@ -12,7 +12,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
-from gvla2_plugins.piper.arm import MAX_WIDTH, Bounds
+from gvla2_plugins.piper.arm import MAX_WIDTH, PERIOD
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import ControlLoop
 
@@ -22,16 +22,12 @@ SETTLED, SETTLE_SECONDS = 0.008, 1.5
 GRIP_SECONDS, STILL_SECONDS, STILL = 4.0, 0.25, 2e-4
 """Gripping is over when the fingers moved less than this (m) for this long, or after four seconds."""
 
-STOPPED_SHORT = 0.002
-"""Fingers that stop this far short of their target (m) hold something."""
-
-
-ASSUMED_WIDTH = 0.02
-"""Assumed width of an object in a dry run's fingers, metres."""
+STOPPED_SHORT, ASSUMED_WIDTH = 0.002, 0.02
+"""Metres: fingers that stop this far short of their target hold something; what they hold in a dry run."""
 
 
 class PathGuard:
-    """The backend's own limits on joint samples, independent of the planner: workspace, table, steps.
+    """The backend's own limits on joint samples, independent of the planner: workspace and table.
 
     ``arm``'s forward kinematics are used, so calls must not run at the same time as planning.
     """
@@ -46,21 +42,13 @@ class PathGuard:
         A path that starts outside (a parked arm) may only come nearer.
         """
         tools = self._arm.tool_positions(samples)
-        gaps = np.maximum(self._workspace.low - tools, tools - self._workspace.high).max(axis=1).clip(0.0)
-        if (gaps > np.minimum.accumulate(gaps) + 5e-3).any():
-            worst = int(gaps.argmax())
-            x, y, z = tools[worst]
-            raise RobotError(
-                f"The tool would leave the workspace at ({x:.3f}, {y:.3f}, {z:.3f}) m. Nothing was sent."
-            )
-        tips = tools[:, 2] - self._arm.hand.tip_beyond_tcp
-        under = (self._floor - tips).clip(0.0)
-        if (under > np.minimum.accumulate(under) + 2e-3).any():
-            lowest = float(tips.min())
-            raise RobotError(
-                f"The fingertips would come down to {lowest:.3f} m; the table's margin ends at {self._floor:.3f} m. "
-                "Nothing was sent."
-            )
+        outside = np.maximum(self._workspace.low - tools, tools - self._workspace.high).max(axis=1).clip(0.0)
+        under = (self._floor + self._arm.hand.tip_beyond_tcp - tools[:, 2]).clip(0.0)
+        rules = ((outside, 5e-3, "leave the workspace"), (under, 2e-3, "come under the table's margin"))
+        for gaps, slack, what in rules:
+            if (gaps > np.minimum.accumulate(gaps) + slack).any():
+                x, y, z = tools[int(gaps.argmax())]
+                raise RobotError(f"The tool would {what} at ({x:.3f}, {y:.3f}, {z:.3f}) m. Nothing was sent.")
 
 
 def measured(link: PiperLink) -> DriverState:
@@ -92,14 +80,7 @@ class PiperDriver:
                 f"The Piper follows finite joint samples (T, 6), got {samples.shape} at dt={dt}."
             )
         self._guard.check(samples)
-        ticks = _resample(samples, dt, self._loop.period)
-        ticks = np.vstack([_approach(self._loop.target, ticks[0], self._link.bounds), ticks])
-        steps = np.abs(np.diff(np.vstack([self._loop.target, ticks]), axis=0))
-        if (steps > self._link.bounds.step + 1e-9).any():
-            joint = int((steps / self._link.bounds.step).max(axis=0).argmax())
-            raise RobotError(
-                f"Joint {joint + 1} would be moved faster than this arm is allowed. Nothing was sent."
-            )
+        ticks = _ticks(self._loop.target, samples, dt, self._link.bounds.step)
         self._loop.move(ticks, self._watcher)
         goal = samples[-1]
 
@@ -159,14 +140,12 @@ class DryDriver:
         """Nothing moves in a dry run."""
 
 
-def _resample(samples: FloatArray, dt: float, period: float) -> FloatArray:
-    """Targets (S, 6) one a ``period``, linear between samples, the last one exact."""
+def _ticks(start: FloatArray, samples: FloatArray, dt: float, step: FloatArray) -> FloatArray:
+    """Targets (S, 6), one every :data:`PERIOD` seconds: half steps from what is commanded, which is near-by, to the
+    first sample, then linear between samples, the last one exact.
+    """
+    count = int(np.ceil((np.abs(samples[0] - start) / (0.5 * step)).max()))
+    approach = start + np.linspace(0.0, 1.0, count + 1)[1:-1, None] * (samples[0] - start)
     times = np.arange(len(samples)) * dt
-    ticks = np.append(np.arange(0.0, times[-1], period), times[-1])
-    return np.stack([np.interp(ticks, times, column) for column in samples.T], axis=1)
-
-
-def _approach(start: FloatArray, goal: FloatArray, bounds: Bounds) -> FloatArray:
-    """Small steps (S, 6) from what is commanded to where a motion begins, which is near-by."""
-    count = int(np.ceil((np.abs(goal - start) / (0.5 * bounds.step)).max()))
-    return start + np.linspace(0.0, 1.0, count + 1)[1:-1, None] * (goal - start)
+    at = np.append(np.arange(0.0, times[-1], PERIOD), times[-1])
+    return np.vstack([approach, np.stack([np.interp(at, times, column) for column in samples.T], axis=1)])

@@ -20,7 +20,8 @@ STATUS = 0x2A1
 JOINTS = (0x2A5, 0x2A6, 0x2A7)
 GRIPPER = 0x2A8
 SLOW_DRIVES = tuple(range(0x261, 0x267))
-LIMIT_ANSWER, ACCELERATION_ANSWER = 0x473, 0x47C
+LIMIT_ANSWER = 0x473
+ANSWERS = (LIMIT_ANSWER, 0x47C)
 
 COMMANDS = frozenset(range(0x150, 0x160)) | {0x121, 0x470, 0x471, 0x474, 0x475, 0x477, 0x479, 0x47A, 0x47D}
 """Frames that command an arm; queries are not among them."""
@@ -28,34 +29,17 @@ COMMANDS = frozenset(range(0x150, 0x160)) | {0x121, 0x470, 0x471, 0x474, 0x475, 
 CAN_CONTROL, MOVE_JOINTS = 0x01, 0x01
 ENABLED_BIT = 6
 DRIVE_FAULTS = {
-    0: "low voltage",
-    1: "motor too hot",
-    2: "overcurrent",
-    3: "driver too hot",
-    4: "collision",
-    5: "driver error",
+    0: "low voltage", 1: "motor too hot", 2: "overcurrent", 3: "driver too hot", 4: "collision", 5: "driver error",
     7: "stall",
-}
+}  # fmt: skip
 """Bits of byte 5 of a slow drive frame; bit 6 is not a fault: the drive is enabled."""
 
-ARM_STATES = {
-    0x00: "normal",
-    0x01: "emergency stop",
-    0x02: "no solution",
-    0x03: "singularity",
-    0x04: "target beyond the limits",
-    0x05: "joint communication broken",
-    0x06: "brake not released",
-    0x07: "collision",
-    0x08: "too fast while taught",
-    0x09: "joint state abnormal",
-    0x0A: "other error",
-    0x0B: "teaching records",
-    0x0C: "teaching replays",
-    0x0D: "teaching paused",
-    0x0E: "controller too hot",
-    0x0F: "brake resistor too hot",
-}
+ARM_STATES = (
+    "normal", "emergency stop", "no solution", "singularity", "target beyond the limits", "joint communication broken",
+    "brake not released", "collision", "too fast while taught", "joint state abnormal", "other error",
+    "teaching records", "teaching replays", "teaching paused", "controller too hot", "brake resistor too hot",
+)  # fmt: skip
+"""By the number in byte 1 of a status frame."""
 
 
 def millidegrees(radians: float) -> int:

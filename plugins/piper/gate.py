@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
@@ -14,9 +13,10 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
 from gvla2_plugins.piper.arm import HIGH, LOW, MAX_WIDTH, Bounds
-from gvla2_plugins.piper.command_log import CommandLog
+from gvla2_plugins.piper.writer import CommandLog
 
-_ECHO_SECONDS = 1.0
+_ECHO_SECONDS, _MOST_SENT = 1.0, 2000
+"""A frame that was sent within this long is an echo; number of frames from which on older ones are forgotten."""
 
 
 class CommandGate(can.BusABC):
@@ -40,11 +40,9 @@ class CommandGate(can.BusABC):
         self._inner, self._bounds, self._log, self._measured = inner, bounds, log, measured
         self._open, self._closed = False, False
         self._targets: list[int | None] = [None] * 6  # last frames sent, thousandths of a degree
-        self._sent: Counter[tuple[int, bytes]] = Counter()
-        self._recent: deque[tuple[float, tuple[int, bytes]]] = deque()
+        self._sent: dict[tuple[int, bytes], float] = {}  # when each frame last went out
         self._lock = threading.Lock()
         self.refused: list[str] = []
-        self.failures = 0
         self.trouble = ""
 
     def open_gate(self) -> None:
@@ -98,44 +96,33 @@ class CommandGate(can.BusABC):
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Log and send an allowed frame; raise ``can.CanOperationError`` for any other, and when sending fails."""
         data = bytes(msg.data)
-        reason, log = self.objection(msg.arbitration_id, data), self._log
+        name, reason, log = f"{msg.arbitration_id:03X}", self.objection(msg.arbitration_id, data), self._log
         if reason or log is None:
-            self.refused.append(f"{msg.arbitration_id:03X}: {reason}")
+            self.refused.append(f"{name}: {reason}")
             if self._open:
-                self.trouble = f"the frame {msg.arbitration_id:03X} was refused: {reason}"
+                self.trouble = f"the frame {name} was refused: {reason}"
             if log is not None:
-                log.write(
-                    "event", event="refused", id=f"{msg.arbitration_id:03X}", data=data.hex(), why=reason
-                )
-            raise can.CanOperationError(f"Frame {msg.arbitration_id:03X} was not sent: {reason}.")
+                log.write("event", event="refused", id=name, data=data.hex(), why=reason)
+            raise can.CanOperationError(f"Frame {name} was not sent: {reason}.")
         try:
-            log.write("frame", id=f"{msg.arbitration_id:03X}", data=data.hex())
+            log.write("frame", id=name, data=data.hex())
             with self._lock:
-                self._remember(msg.arbitration_id, data)
+                self._sent[msg.arbitration_id, data] = time.monotonic()
             self._inner.send(msg, timeout)
         except Exception as error:
-            self.failures += 1
             self.trouble = f"a command could not be sent ({error})"
             raise can.CanOperationError(str(error)) from error
         if msg.arbitration_id in frames.JOINT_TARGETS:
             first = 2 * (msg.arbitration_id - frames.JOINT_TARGETS[0])
             self._targets[first : first + 2] = frames.unpack_pair(data)
 
-    def _remember(self, arbitration_id: int, data: bytes) -> None:
-        now, key = time.monotonic(), (arbitration_id, data)
-        self._sent[key] += 1
-        self._recent.append((now, key))
-        while self._recent and now - self._recent[0][0] > _ECHO_SECONDS:
-            old = self._recent.popleft()[1]
-            if self._sent[old] <= 1:
-                del self._sent[old]
-            else:
-                self._sent[old] -= 1
-
     def own(self, arbitration_id: int, data: bytes) -> bool:
         """Whether a received frame was sent by this gate within the last second."""
+        now = time.monotonic()
         with self._lock:
-            return (arbitration_id, data) in self._sent
+            if len(self._sent) > _MOST_SENT:
+                self._sent = {key: at for key, at in self._sent.items() if now - at < _ECHO_SECONDS}
+            return now - self._sent.get((arbitration_id, data), -np.inf) < _ECHO_SECONDS
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame; short waits, so that the SDK's reader ends soon after :meth:`shutdown`."""

@@ -13,15 +13,9 @@ from gvla2.errors import MissingDependencyError, RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
 from gvla2_plugins.piper.arm import MAX_WIDTH, Bounds
-from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.feedback import Feedback, Snapshot
 from gvla2_plugins.piper.gate import CommandGate
-from gvla2_plugins.piper.lock import be_urgent
-
-_NO_FRAMES = (
-    "No frames come from the arm on {bus} '{channel}' within {wait:g} s. Is it powered, is the CAN cable in, and "
-    "does the bus run at 1 Mbit/s (`ip -details link show {channel}`)? A wrong bitrate is as silent as no arm."
-)
+from gvla2_plugins.piper.writer import CommandLog, be_urgent
 
 
 def import_sdk() -> Any:
@@ -59,11 +53,18 @@ class PiperLink:
                 # The SDK calls python-can by a keyword that its version 5 will drop.
                 warnings.simplefilter("ignore", DeprecationWarning)
                 self._sdk.CreateCanBus(channel, bustype=bus, judge_flag=False)
+            port = self._sdk.GetCanBus()
+            if port.recv_bus is None or port.send_bus is None:
+                raise OSError("no bus")
         except Exception as error:
-            raise RobotError(_no_bus(bus, channel)) from (error.__context__ or error)
-        port = self._sdk.GetCanBus()
-        if port.recv_bus is None or port.send_bus is None:
-            raise RobotError(_no_bus(bus, channel))
+            how = (
+                f"; `sudo ip link set {channel} up type can bitrate 1000000` brings it up"
+                if bus == "socketcan"
+                else ""
+            )
+            raise RobotError(
+                f"The bus {bus} '{channel}' can't be opened{how}. Or plan without an arm: robot.bus=none."
+            ) from (error.__context__ or error)
         # One bus for both directions, as the SDK itself does on some systems: a sender of its own would hear all
         # feedback and never read it, and on a virtual bus the reader would hear the sender.
         inner = port.recv_bus
@@ -87,20 +88,20 @@ class PiperLink:
     def wait_for_feedback(self, seconds: float = 3.0) -> Snapshot:
         """Wait for joints, status and all drives; raises :class:`RobotError` if they do not come."""
         end = time.monotonic() + seconds
-        while True:
+        while time.monotonic() < end:
             seen = self.feedback.snapshot()
             if np.isfinite([*seen.joints, seen.status_age, seen.drive_age]).all():
                 return seen
-            if time.monotonic() > end:
-                break
             time.sleep(0.01)
-        if not np.isfinite([seen.status_age, seen.joint_age]).any():
-            raise RobotError(_NO_FRAMES.format(bus=self.bus, channel=self.channel, wait=seconds))
-        if seen.unbelievable:
-            raise RobotError(f"The arm's measurements can't be believed: {seen.unbelievable}.")
         ages = {"joints": seen.joint_age, "status": seen.status_age, "drives": seen.drive_age}
-        missing = ", ".join(name for name, age in ages.items() if not np.isfinite(age))
-        raise RobotError(f"The arm on '{self.channel}' talks, but these frames don't come: {missing}.")
+        missing = [name for name, age in ages.items() if not np.isfinite(age)]
+        if len(missing) == len(ages):
+            raise RobotError(
+                f"No frames come from the arm on {self.bus} '{self.channel}' within {seconds:g} s. Is it powered, "
+                "the cable in, and the bus at 1 Mbit/s (`ip -details link show`)? A wrong bitrate looks like no arm."
+            )
+        why = seen.unbelievable or f"these frames don't come: {', '.join(missing)}"
+        raise RobotError(f"The arm on '{self.channel}' talks, but {why}.")
 
     def reader_ok(self) -> bool:
         """Whether the SDK receives frames (it takes a third of a second to notice)."""
@@ -136,13 +137,3 @@ class PiperLink:
         """Shut the gate and leave the bus; the arm stays as it is, powered. Safe to call twice."""
         self.gate.shut_gate()
         self._sdk.DisconnectPort()
-
-
-def _no_bus(bus: str, channel: str) -> str:
-    what = f"The bus {bus} '{channel}' can't be opened."
-    if bus == "socketcan":
-        what += (
-            f" Bring it up with `sudo ip link set {channel} up type can bitrate 1000000`"
-            " (`ip link` lists what there is)."
-        )
-    return f"{what} Or plan without an arm: robot.bus=none."

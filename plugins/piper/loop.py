@@ -6,31 +6,25 @@ import contextlib
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 
 import numpy as np
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.piper.command_log import CommandLog
+from gvla2_plugins.piper.arm import PERIOD
 from gvla2_plugins.piper.feedback import Watch
 from gvla2_plugins.piper.link import PiperLink
-from gvla2_plugins.piper.lock import be_urgent
+from gvla2_plugins.piper.writer import CommandLog, be_urgent
 
 SILENT_AFTER = 1.0
 """Seconds of repeated hold frames after a stop; then nothing, so as not to fight a person or a program."""
 
-_IDLE_EVERY, _MODE_EVERY, _GRIP_EVERY, _NOTE_EVERY = 5, 20, 10, 10  # ticks
+_IDLE_EVERY, _MODE_EVERY, _GRIP_EVERY = 5, 20, 10  # ticks
 _LOOK = 0.02  # seconds between heartbeats of the waiting caller
-_NAP, _NAPS_COUNT = (
-    0.02,
-    0.5,
-)  # seconds of delay that count as asleep, and for how long they are remembered
-_FRESH, _FRESH_WITHIN = (
-    0.05,
-    1.0,
-)  # seconds: how old feedback may be when a motion begins, and the wait for it
+_NAP = 0.02  # seconds of delay from which on a resting arm is patient
+_FRESH, _FRESH_WITHIN = 0.05, 1.0
+"""Seconds: how old feedback may be when a motion begins, and the wait for it."""
 
 
 class SafetyStopError(RobotError):
@@ -38,7 +32,7 @@ class SafetyStopError(RobotError):
 
 
 class ControlLoop:
-    """Sends one joint target every ``period`` seconds while the arm moves, fewer while it rests.
+    """Sends one joint target every :data:`PERIOD` seconds while the arm moves, fewer while it rests.
 
     :meth:`move` blocks its caller and takes the caller's patience as the heartbeat. :meth:`hold` stops a motion.
     A reason found by the watch stops the arm for good: ``stopped`` holds it, ``stopped_at`` and ``held_at``
@@ -46,8 +40,8 @@ class ControlLoop:
     :class:`SafetyStopError`. Nothing here resets or disables an arm.
     """
 
-    def __init__(self, link: PiperLink, watch: Watch, log: CommandLog, period: float) -> None:
-        self._link, self._watch, self._log, self.period = link, watch, log, period
+    def __init__(self, link: PiperLink, watch: Watch, log: CommandLog) -> None:
+        self._link, self._watch, self._log = link, watch, log
         self._lock = threading.RLock()
         self._samples: FloatArray | None = None
         self._index = 0
@@ -59,7 +53,7 @@ class ControlLoop:
         self._interrupted = False
         self._thread = threading.Thread(target=self._run, name="piper-control", daemon=True)
         self._ticks, self._looked = 0, 0.0
-        self._naps: deque[tuple[float, float]] = deque()
+        self._patience = 0.0  # seconds by which feedback may be older, since this process itself was late
         self._switch_interval = sys.getswitchinterval()
         self.stopped = ""
         self.stopped_at = self.held_at = 0.0
@@ -156,13 +150,7 @@ class ControlLoop:
             raise
 
     def _awake(self) -> bool:
-        return self._link.feedback.snapshot().joint_age < _FRESH and not self._asleep(time.monotonic())
-
-    def _asleep(self, now: float) -> float:
-        """Seconds that the loop was late by, lately. A resting arm is patient with that, a moving one is not."""
-        while self._naps and now - self._naps[0][0] > _NAPS_COUNT:
-            self._naps.popleft()
-        return sum(late for _, late in self._naps)
+        return self._link.feedback.snapshot().joint_age < _FRESH and self._patience < _NAP
 
     def check(self) -> None:
         """Raise :class:`SafetyStopError` if the arm was stopped, KeyboardInterrupt if one was swallowed."""
@@ -182,7 +170,7 @@ class ControlLoop:
             while not self._end.is_set():
                 now = time.monotonic()
                 self._tick(now, now - due)
-                due += self.period
+                due += PERIOD
                 left = due - time.monotonic()
                 if left > 0:
                     time.sleep(left)
@@ -195,15 +183,13 @@ class ControlLoop:
     def _tick(self, now: float, late: float) -> None:
         seen = self._link.feedback.snapshot()
         with self._lock:
-            self._ticks += 1
-            self._looked = now
-            if late > _NAP:
-                self._naps.append((now, late))
+            self._ticks, self._looked = self._ticks + 1, now
+            # After a long call into a library that lets no other thread run, a resting arm is patient for as long.
+            self._patience = max(late if late > _NAP else 0.0, self._patience - PERIOD)
             if not self.stopped:
-                asleep = 0.0 if self.moving else self._asleep(now)
-                reason = self._watch.trouble(
-                    seen, self._target, self._link.reader_ok(), self._link.gate.trouble, asleep
-                )
+                asleep = 0.0 if self.moving else self._patience
+                sound = self._link.reader_ok()
+                reason = self._watch.trouble(seen, self._target, sound, self._link.gate.trouble, asleep)
                 if not reason and self.moving:
                     reason = self._absence(now, late)
                 if reason:
@@ -212,8 +198,6 @@ class ControlLoop:
                 if self._interrupted and self.moving:
                     self.hold("interrupted")
             self._send(now)
-            if self._ticks % _NOTE_EVERY == 0 and np.isfinite(seen.joints).all() and not self.stopped:
-                self._log.write("joints", joints=seen.joints.round(6).tolist())
 
     def _absence(self, now: float, late: float) -> str:
         limits = self._watch.limits

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, partial
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.raycast import RayCaster, RayImage
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene
@@ -18,16 +21,15 @@ from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck, judge
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
-from gvla2.robot.looks import body_surface
+from gvla2.robot.looks import OWN_DEPTH, RobotLooks, body_surface
 from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
-from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
+from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite, WorldState
 from gvla2.robot.workcell import TABLE_RGB, make_cell
 from gvla2_plugins.sapien import SapienArmConfig
-from gvla2_plugins.sapien.bodies import PREFIX, import_sapien
-from gvla2_plugins.sapien.cameras import CameraRig, Filming
+from gvla2_plugins.sapien.bodies import import_sapien
 from gvla2_plugins.sapien.driver import SapienDriver
-from gvla2_plugins.sapien.truth import TrueState, cast_masks, true_scene
+from gvla2_plugins.sapien.truth import cast_masks, true_scene
 from gvla2_plugins.sapien.world import SapienWorld
 
 SHOWN_SIZE = 640
@@ -45,6 +47,59 @@ JUDGE_SECONDS = 0.25
 """The arm holds still this long before success is checked, so that slipping objects have slipped."""
 
 
+def look(
+    robot: RobotLooks,
+    objects: RayCaster,
+    world_from_link: Mapping[str, FloatArray],
+    world_from_object: Mapping[int, FloatArray],
+    cameras: Sequence[Camera],
+) -> list[View]:
+    """One view per camera: the robot's links by their model, everything else at its true pose (4, 4).
+
+    The two are cast separately and merged by depth: this gives the robot's own depth image, explained by its measured
+    joints, for free.
+    """
+    images = robot.cast(cameras, world_from_link), objects.cast(cameras, world_from_object)
+    return [_merge(*three) for three in zip(cameras, *images, strict=True)]
+
+
+def _merge(camera: Camera, robot: RayImage, objects: RayImage) -> View:
+    nearer = np.isfinite(robot.depth) & ~(objects.depth < robot.depth)
+    depth = np.where(nearer, robot.depth, objects.depth)
+    with np.errstate(invalid="ignore"):
+        mask = np.abs(depth - robot.depth) <= OWN_DEPTH
+    return View(camera, np.where(nearer[..., None], robot.image, objects.image), depth, robot_mask=mask)
+
+
+class Filming:
+    """Draws frames in another thread while the robot moves; the listener gets them in order, in the caller's thread."""
+
+    def __init__(self, listener: ExecutionListener) -> None:
+        self._listener = listener
+        self._studio = ThreadPoolExecutor(1, "film")
+        self._awaited: deque[Future[list[View]]] = deque()
+
+    def shoot(self, moment: Moment, sight: Callable[[], list[View]]) -> None:
+        """Report the moment, and have its frame drawn if frames are wanted; those that are ready go to the listener."""
+        self._listener.moment(moment)
+        if not self._listener.wants_frames:
+            return
+        self._awaited.append(self._studio.submit(sight))
+        while self._awaited and self._awaited[0].done():
+            self._deliver()
+
+    def __enter__(self) -> Filming:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._studio:
+            while self._awaited:
+                self._deliver()
+
+    def _deliver(self) -> None:
+        self._listener.frame(self._awaited.popleft().result()[0].image)
+
+
 class SapienArm:
     """Implements :class:`gvla2.robot.backend.RobotBackend`.
 
@@ -55,7 +110,7 @@ class SapienArm:
     def __init__(self, config: SapienArmConfig) -> None:
         import_sapien()
         self._config, self._cell = config, make_cell(config)
-        self._cell.mounts.check(config.cameras)
+        self._cell.check_cameras(config.cameras)
         bad = [f"{name}={getattr(config, name)}" for name in POSITIVE if not getattr(config, name) > 0]
         if bad:
             raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
@@ -63,7 +118,7 @@ class SapienArm:
         self._planner = MotionPlanner(self._arm)
         self._robot = self._cell.looks
         self._world: SapienWorld | None = None
-        self._rig: CameraRig | None = None
+        self._objects: RayCaster | None = None
         self._layout = Layout(())
         self._lights: tuple[bool, ...] = ()
         self._instance: TaskInstance | None = None
@@ -86,7 +141,6 @@ class SapienArm:
         layout = Layout(()) if instance is None else instance.layout
         self._world = SapienWorld(self._config, self._cell, layout)
         self._layout, self._instance = layout, instance
-        self._make_rig()
         return instance
 
     def observe(self) -> Observation:
@@ -96,7 +150,7 @@ class SapienArm:
         world_from_tcp = self._arm.forward(joints)
         wanted = 0 if self._instance is None else self._instance.image_size
         size = max(self._config.image_size, wanted)
-        cameras = [self._cell.mounts.camera(name, size, world_from_tcp) for name in self._config.cameras]
+        cameras = [self._cell.camera(name, size, world_from_tcp) for name in self._config.cameras]
         opening = float(np.clip(width / self._arm.hand.max_width, 0.0, 1.0))
         return Observation(
             Views(tuple(self._sight()(cameras))),
@@ -111,7 +165,7 @@ class SapienArm:
         """A function that takes a camera's picture of this moment with more pixels; None if there are enough."""
         if size >= SHOWN_SIZE:
             return None
-        camera, sight = self._cell.mounts.camera, self._sight()
+        camera, sight = self._cell.camera, self._sight()
         return cache(lambda name: sight([camera(name, SHOWN_SIZE, world_from_tcp)])[0])
 
     def execute(
@@ -122,7 +176,7 @@ class SapienArm:
 
         def film() -> None:
             name, size = self._config.cameras[0], self._config.video_size
-            view = self._cell.mounts.camera(name, size, self._arm.forward(world.joints))
+            view = self._cell.camera(name, size, self._arm.forward(world.joints))
             reel.shoot(
                 Moment(world.time, world.joints.copy(), world.gripper_width), partial(self._sight(), [view])
             )
@@ -138,10 +192,8 @@ class SapienArm:
         if self._instance is None:
             return None
         world = self._sane_world("judged")
-        driver = SapienDriver(world, self._config, self._arm.hand.max_width)
-        driver.hold(JUDGE_SECONDS)
-        state = TrueState(self._sane_world("judged"))
-        return judge(self._instance, state)
+        SapienDriver(world, self._config, self._arm.hand.max_width).hold(JUDGE_SECONDS)
+        return judge(self._instance, self._sane_world("judged"))
 
     def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
         """Drive the arm by joint targets; see :class:`gvla2.robot.driver.Servo`."""
@@ -160,9 +212,9 @@ class SapienArm:
         self._sane_world("moved")
         return driver.state()
 
-    def true_state(self) -> TrueState:
+    def true_state(self) -> WorldState:
         """The state for success checks."""
-        return TrueState(self._sane_world("read"))
+        return self._sane_world("read")
 
     def true_scene(self) -> Scene:
         """The episode's bodies as scene objects, for the ``oracle`` perceiver."""
@@ -174,37 +226,24 @@ class SapienArm:
         """The object in each pixel of the observation's cameras, by :func:`cast_masks`; for measuring perceivers."""
         world = self._sane_world("read")
         cameras = [view.camera for view in observation.views]
-        links = world.link_poses(self._robot.links)
-        arm = self._robot.cast(cameras, links)
-        bodies = {body.name: body for body in self._layout.bodies}
-        poses = {name: world.body_pose(name) for name in bodies}
-        return cast_masks(cameras, arm, bodies, poses, self._cell.table)
+        arm = self._robot.cast(cameras, world.link_poses(self._robot.links))
+        poses = {body.name: world.pose(body.name) for body in self._layout.bodies}
+        return cast_masks(cameras, arm, self._layout.bodies, poses, self._cell.table)
 
     def close(self) -> None:
         """Release the world; the arm's model stays, and :meth:`reset` makes a new world."""
-        self._world, self._rig, self._instance = None, None, None
-
-    def _make_rig(self) -> CameraRig:
-        """A camera rig for the bodies' present looks: a lamp may have been switched on."""
-        peaks = self._sane_world("seen").peaks
-        self._lights = self._layout.lights(peaks)
-        table = self._cell.table
-        objects = {table.name: table, **{f"{PREFIX}{body.name}": body for body in self._layout.lit(peaks)}}
-        self._rig = CameraRig(self._robot, {name: body_surface(b) for name, b in objects.items()})
-        return self._rig
+        self._world, self._objects, self._instance = None, None, None
 
     def _sight(self) -> Callable[[Sequence[Camera]], list[View]]:
         """Draws what cameras see at this moment, when it is called, from any thread."""
-        world, rig = self._sane_world("seen"), self._rig
-        if rig is None or self._lights != self._layout.lights(world.peaks):
-            rig = self._make_rig()
-        links, objects = world.link_poses(self._robot.links), self._object_poses(world)
-        return partial(rig.look, world_from_link=links, world_from_object=objects)
-
-    def _object_poses(self, world: SapienWorld) -> dict[str, FloatArray]:
-        """world_from_object (4, 4) of everything that the cameras see besides the robot, now."""
-        poses = {f"{PREFIX}{body.name}": world.body_pose(body.name) for body in self._layout.bodies}
-        return {**poses, self._cell.table.name: self._cell.table.world_from_body}
+        world = self._sane_world("seen")
+        lights = self._layout.lights(world.peaks)
+        if self._objects is None or self._lights != lights:  # a lamp may have been switched on
+            self._lights, bodies = lights, (self._cell.table, *self._layout.lit(world.peaks))
+            self._objects = RayCaster([body_surface(body) for body in bodies])
+        poses = [self._cell.table.world_from_body, *(world.pose(b.name) for b in self._layout.bodies)]
+        links = world.link_poses(self._robot.links)
+        return partial(look, self._robot, self._objects, links, dict(enumerate(poses)))
 
     def _site(self) -> TaskSite:
         cell = self._cell
@@ -222,7 +261,7 @@ class SapienArm:
         """Whether the hand gets to a world point (3,), pointing down, whichever way it is turned."""
         if np.linalg.norm((point - self._cell.world_from_base[:3, 3])[:2]) > self._cell.reach:
             return False
-        down, ways = np.array([0.0, 0.0, -1.0]), (1.0, -1.0) if self._cell.either_way else (1.0,)
+        down, ways = np.array([0.0, 0.0, -1.0]), (1.0, -1.0) if self._config.either_way else (1.0,)
         turns = (np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
         return all(
             any(self._easy(rigid(grasp_rotation(down, way * y), point)) for way in ways) for y in turns
@@ -230,7 +269,7 @@ class SapienArm:
 
     def _easy(self, pose: FloatArray) -> bool:
         solution = self._arm.inverse(pose)
-        return solution is not None and solution.manipulability >= self._cell.ease
+        return solution is not None and solution.manipulability >= self._config.ease
 
     def _follows(self, poses: Sequence[FloatArray]) -> bool:
         """Whether the arm goes straight through tool poses (4, 4), from some posture, without touching itself."""
@@ -238,17 +277,12 @@ class SapienArm:
             return False
         empty = Scene((), self._cell.table_height, self._arm.workspace)
         for start in self._arm.ik.solutions(poses[0], self._arm.home, 4):
-            joints, lines = start.joints, []
+            path: list[FloatArray] | None = [start.joints]
             for pose in poses[1:]:
-                line = self._arm.line(joints, pose, 0.03)
-                if line is None:
-                    break
-                lines += list(line)
-                joints = line[-1]
-            else:
-                checker = self._arm.checker(empty, 1.0)
-                if all(checker.free(each) for each in (start.joints, *lines)):
-                    return True
+                line = path and self._arm.line(path[-1], pose, 0.03)
+                path = [*path, *line] if path and line else None
+            if path and self._arm.checker(empty, 1.0).first_blocked(np.array(path)) is None:
+                return True
         return False
 
     def _sane_world(self, done: str) -> SapienWorld:

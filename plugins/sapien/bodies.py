@@ -23,20 +23,14 @@ def import_sapien() -> Any:
             warnings.simplefilter("ignore")
             import sapien
             import sapien.physx
-    except ModuleNotFoundError as error:
-        if error.name != "sapien":
-            raise
+    except ImportError as error:
+        missing = (
+            "the package 'sapien'" if error.name == "sapien" else f"a system library of SAPIEN ({error})"
+        )
         raise MissingDependencyError(
-            "the package 'sapien'",
+            missing,
             "A simulated arm (robot=sapien_panda and the like)",
-            'pip install "gvla2[sim]" (on Linux)',
-        ) from error
-    except (ImportError, OSError) as error:
-        raise MissingDependencyError(
-            f"a system library that SAPIEN loads ({error})",
-            "A simulated arm (robot=sapien_panda and the like)",
-            "apt-get install libx11-6 libgl1 (Debian, Ubuntu), with the package from "
-            'pip install "gvla2[sim]"',
+            'pip install "gvla2[sim]" (on Linux; Debian and Ubuntu also need apt-get install libx11-6 libgl1)',
         ) from error
     return sapien
 
@@ -58,15 +52,14 @@ class BuiltBodies:
 
 def build_bodies(scene: Any, layout: Layout) -> BuiltBodies:
     """Put all bodies and joints of a layout, which :mod:`gvla2.robot.task` has checked, into the scene."""
-    by_name = {body.name: body for body in layout.bodies}
-    jointed = {joint.parent for joint in layout.joints} | {joint.child for joint in layout.joints}
+    parents = {joint.parent for joint in layout.joints}
+    children = {joint.child for joint in layout.joints}
     built = BuiltBodies({}, {})
     for body in layout.bodies:
-        if body.name not in jointed:
+        if body.name not in parents | children:
             built.entities[body.name] = _build_actor(scene, body)
-    children = {joint.child for joint in layout.joints}
-    for root in (b for b in layout.bodies if b.name in jointed and b.name not in children):
-        _build_tree(scene, root, by_name, layout.joints, built)
+    for root in (b for b in layout.bodies if b.name in parents - children):
+        _build_tree(scene, root, layout, built)
     return built
 
 
@@ -83,46 +76,36 @@ def _build_actor(scene: Any, body: Body) -> Any:
     return builder.build_static(name) if body.fixed else builder.build(name)
 
 
-def _build_tree(
-    scene: Any, root: Body, by_name: dict[str, Body], joints: tuple[Joint, ...], built: BuiltBodies
-) -> None:
+def _build_tree(scene: Any, root: Body, layout: Layout, built: BuiltBodies) -> None:
     """One articulation: ``root`` and everything attached to it."""
     builder = scene.create_articulation_builder()
     builder.set_initial_pose(pose_of(root.world_from_body))
     links = {root.name: builder.create_link_builder()}
     links[root.name].set_name(PREFIX + root.name)
     _add_solids(links[root.name], root)
-    order: list[Joint] = []
-    waiting = [joint for joint in joints if joint.parent == root.name]
+    joints: dict[str, Joint] = {}
+    waiting = [joint for joint in layout.joints if joint.parent == root.name]
     while waiting:
         joint = waiting.pop(0)
-        order.append(joint)
-        waiting += [j for j in joints if j.parent == joint.child]
-        body = by_name[joint.child]
-        link = builder.create_link_builder(links[joint.parent])
-        link.set_name(PREFIX + body.name)
+        joints[joint.name] = joint
+        waiting += [j for j in layout.joints if j.parent == joint.child]
+        link = links[joint.child] = builder.create_link_builder(links[joint.parent])
+        link.set_name(PREFIX + joint.child)
         link.set_joint_name(joint.name)
-        frame = axis_frame(joint.axis, joint.origin)
-        link.set_joint_properties(
-            joint.kind,
-            [joint.limits],
-            pose_of(invert_rigid(by_name[joint.parent].world_from_body) @ frame),
-            pose_of(invert_rigid(body.world_from_body) @ frame),
-        )
-        _add_solids(link, body)
-        links[body.name] = link
+        frame, ends = axis_frame(joint.axis, joint.origin), (layout[joint.parent], layout[joint.child])
+        on_ends = [pose_of(invert_rigid(body.world_from_body) @ frame) for body in ends]
+        link.set_joint_properties(joint.kind, [joint.limits], *on_ends)
+        _add_solids(link, layout[joint.child])
     articulation = builder.build(fix_root_link=root.fixed)
-    active = {joint.name: joint for joint in articulation.active_joints}
-    for joint in order:
-        made = active[joint.name]
-        # The builder ignores the given friction.
-        made.set_friction(joint.friction)
+    start = []
+    for index, made in enumerate(articulation.active_joints):
+        joint = joints[made.name]
+        made.set_friction(joint.friction)  # the builder ignores the given friction
         made.set_drive_property(joint.stiffness, joint.damping)
         made.set_drive_target(joint.rest)
-    start = {joint.name: float(np.clip(joint.rest, *joint.limits)) for joint in order}
-    articulation.set_qpos(np.array([start[j.name] for j in articulation.active_joints], dtype=np.float32))
-    for index, made in enumerate(articulation.active_joints):
+        start.append(np.clip(joint.rest, *joint.limits))
         built.joints[made.name] = (articulation, index)
+    articulation.set_qpos(np.array(start, dtype=np.float32))
     for link in articulation.links:
         built.entities[link.name.removeprefix(PREFIX)] = link.entity
 
@@ -135,23 +118,16 @@ def _add_solids(builder: Any, body: Body) -> None:
     material = physx.PhysxMaterial(body.friction, body.friction, 0.0)
     for solid in solids:
         how = {"material": material, "density": body.mass / volume}
+        pose, half = solid.body_from_shape, [0.5 * side for side in solid.size]
         if isinstance(solid, Scan):
-            builder.add_multiple_convex_collisions_from_file(
-                str(piece_file(solid)), pose_of(solid.body_from_shape), **how
-            )
+            builder.add_multiple_convex_collisions_from_file(str(piece_file(solid)), pose_of(pose), **how)
         elif solid.kind == "box":
-            builder.add_box_collision(
-                pose_of(solid.body_from_shape), half_size=[0.5 * side for side in solid.size], **how
-            )
+            builder.add_box_collision(pose_of(pose), half_size=half, **how)
         elif solid.kind == "cylinder":
-            builder.add_cylinder_collision(
-                pose_of(solid.body_from_shape @ _STANDING),
-                radius=0.5 * solid.size[0],
-                half_length=0.5 * solid.size[2],
-                **how,
-            )
+            standing = pose_of(pose @ _STANDING)
+            builder.add_cylinder_collision(standing, radius=half[0], half_length=half[2], **how)
         else:
-            builder.add_sphere_collision(pose_of(solid.body_from_shape), radius=0.5 * solid.size[0], **how)
+            builder.add_sphere_collision(pose_of(pose), radius=half[0], **how)
 
 
 def axis_frame(axis: FloatArray, origin: FloatArray) -> FloatArray:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import threading
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
-from gvla2.errors import MissingDependencyError, OutputError, SimulationError
+from gvla2.errors import MissingDependencyError, SimulationError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.array_cache import cache_folder
@@ -37,7 +35,6 @@ THINNEST = 1e-3
 """Least thickness of a piece, metres: a hull needs a volume."""
 
 log = logging.getLogger(__name__)
-_ONE_AT_A_TIME = threading.Lock()
 
 
 class Piece:
@@ -62,17 +59,33 @@ def pieces(scan: Scan) -> tuple[Piece, ...]:
 
     Raises :class:`MissingDependencyError` without coacd, :class:`SimulationError` for a mesh of no solid at all.
     """
-    return _kept(piece_file(scan))
+    return _read(piece_file(scan))
+
+
+@lru_cache(maxsize=128)
+def _read(path: Path) -> tuple[Piece, ...]:
+    found: list[list[list[float]]] = []
+    for line in path.read_text().splitlines():
+        if line.startswith("o "):
+            found.append([])
+        elif line.startswith("v "):
+            found[-1].append([float(word) for word in line.split()[1:4]])
+    return tuple(Piece(np.array(corners)) for corners in found)
 
 
 def piece_file(scan: Scan) -> Path:
-    """The OBJ file of the pieces, one group each; made if missing."""
+    """The OBJ file of the pieces, one group each, their triangles wound outwards; made if missing."""
     mesh = scan.textured.mesh
-    path = cache_folder() / "collision" / f"{_digest(mesh)}.obj"
-    with _ONE_AT_A_TIME:
-        if not path.is_file():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, _as_obj(decompose(mesh)).encode())
+    digest = hashlib.sha256(f"{VERSION} {THRESHOLD} {MOST_PIECES} {MOST_CORNERS}".encode())
+    digest.update(np.round(mesh.vertices, 7).tobytes() + mesh.faces.tobytes())
+    path = cache_folder() / "collision" / f"{digest.hexdigest()[:32]}.obj"
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        found = decompose(mesh)
+        hulls = {f"piece_{k}": trimesh.convex.convex_hull(corners) for k, corners in enumerate(found)}
+        scene = trimesh.Scene(hulls)
+        text = scene.export(file_type="obj", include_normals=False, include_texture=False)
+        write_whole(path, str(text).encode())
     return path
 
 
@@ -86,7 +99,12 @@ def decompose(mesh: TriangleMesh) -> list[FloatArray]:
     cell = float(np.ptp(mesh.vertices, axis=0).max()) / 400
     while len(coarse.faces) > FACES:
         coarse, cell = mesh.clustered(cell)[0], cell * 1.3
-    coacd = _import_coacd()
+    try:
+        import coacd
+    except ImportError as error:
+        raise MissingDependencyError(
+            "the package 'coacd'", "A simulated body that is a mesh", 'pip install "gvla2[sim]"'
+        ) from error
     coacd.set_log_level("error")
     found = coacd.run_coacd(
         coacd.Mesh(coarse.vertices, coarse.faces),
@@ -110,10 +128,7 @@ def _is_convex(mesh: TriangleMesh, hull: FloatArray) -> bool:
 
     A point's distance below the hull would not show it: the inside of a thin wall is near the hull's outside.
     """
-    try:
-        planes = ConvexHull(hull).equations
-    except QhullError:
-        return True
+    planes = ConvexHull(hull).equations
     points, faces = mesh.sample(2000, np.random.default_rng(0))
     below = -(points @ planes[:, :3].T + planes[:, 3]).clip(max=0.0)  # (N, planes)
     outwards = mesh.normals[faces] @ planes[:, :3].T
@@ -126,61 +141,20 @@ def _hull_of(points: FloatArray) -> FloatArray:
     try:
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:
-        middle = points.mean(axis=0)
-        _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
-        thick = 0.5 * THINNEST * axes
-        sides = np.concatenate([points + sign * step for sign in (-1, 1) for step in thick])
-        try:
-            return np.asarray(sides[ConvexHull(sides).vertices])
-        except QhullError as error:
-            raise SimulationError("A mesh without any extent cannot lie on a table.") from error
+        _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+        sides = np.concatenate([points + 0.5 * THINNEST * step for step in (*axes, *-axes)])
+    try:
+        return np.asarray(sides[ConvexHull(sides).vertices])
+    except QhullError as error:
+        raise SimulationError("A mesh without any extent cannot lie on a table.") from error
 
 
-def _thin_hull(corners: FloatArray, most: int = 4 * MOST_CORNERS) -> FloatArray:
+def _thin_hull(corners: FloatArray) -> FloatArray:
     """As few corners as PhysX takes, chosen far from one another."""
-    if len(corners) <= most:
-        return corners
-    chosen = [int(np.argmax(np.linalg.norm(corners - corners.mean(axis=0), axis=1)))]
-    gap = np.linalg.norm(corners - corners[chosen[0]], axis=1)
-    while len(chosen) < most:
+    gap = np.linalg.norm(corners - corners.mean(axis=0), axis=1)
+    chosen: list[int] = []
+    while len(chosen) < min(4 * MOST_CORNERS, len(corners)):
         chosen.append(int(np.argmax(gap)))
-        gap = np.minimum(gap, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
+        away = np.linalg.norm(corners - corners[chosen[-1]], axis=1)
+        gap = away if len(chosen) == 1 else np.minimum(gap, away)
     return corners[chosen]
-
-
-def _as_obj(found: list[FloatArray]) -> str:
-    """The pieces as text, one group each, their triangles wound outwards."""
-    hulls = {f"piece_{k}": trimesh.convex.convex_hull(corners) for k, corners in enumerate(found)}
-    return str(trimesh.Scene(hulls).export(file_type="obj", include_normals=False, include_texture=False))
-
-
-@lru_cache(maxsize=128)
-def _kept(path: Path) -> tuple[Piece, ...]:
-    found: list[list[list[float]]] = []
-    try:
-        lines = path.read_text().splitlines()
-    except OSError as error:
-        raise OutputError(f"The cached pieces {path} cannot be read: {error.strerror}.") from error
-    for line in lines:
-        if line.startswith("o "):
-            found.append([])
-        elif line.startswith("v "):
-            found[-1].append([float(word) for word in line.split()[1:4]])
-    return tuple(Piece(np.array(corners)) for corners in found)
-
-
-def _digest(mesh: TriangleMesh) -> str:
-    digest = hashlib.sha256(f"{VERSION} {THRESHOLD} {MOST_PIECES} {MOST_CORNERS}".encode())
-    digest.update(np.round(mesh.vertices, 7).tobytes())
-    digest.update(mesh.faces.tobytes())
-    return digest.hexdigest()[:32]
-
-
-def _import_coacd() -> Any:
-    try:
-        import coacd
-    except ImportError as error:
-        raise MissingDependencyError(
-            "the package 'coacd'", "A simulated body that is a mesh", 'pip install "gvla2[sim]"'
-        ) from error
-    return coacd

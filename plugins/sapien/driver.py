@@ -48,11 +48,13 @@ class SapienDriver:
         self._film = film
         self._filmed_every = max(1, round(world.rate / config.video_fps))
         self._steps = 0
-        self._touched: set[str] = set()
-        self._diverged = False
         self._stop: StopRule | None = None
-        self._stopped = False
+        self._begin()
         self._felt: deque[FloatArray] = deque(maxlen=FELT_STEPS)  # newtons on the hand, a step each
+
+    def _begin(self) -> None:
+        self._touched: set[str] = set()
+        self._diverged = self._stopped = False
 
     def state(self) -> DriverState:
         """The measured state, now."""
@@ -66,7 +68,7 @@ class SapienDriver:
                 f"The arm follows finite joint samples (T, {len(self._world.joints)}) at dt > 0, got shape "
                 f"{samples.shape} at dt={dt}."
             )
-        self._touched, self._diverged, self._stopped = set(), False, False
+        self._begin()
         if not self._squeezes_at(gripper):
             self._world.drive_fingers(self._travel(gripper))
         for target, speed in zip(*self._resample(samples, dt), strict=True):
@@ -78,11 +80,12 @@ class SapienDriver:
             self._world.drive_arm(samples[-1], np.zeros(samples.shape[1]))
         for _ in range(self._count(SETTLE_SECONDS)):
             error = np.abs(self._world.joints - samples[-1]).max()
-            if self._diverged or self._stopped or (error < SETTLED_ERROR and self._slow()):
+            slow = np.abs(self._world.joint_speeds).max() < SETTLED_SPEED
+            if self._diverged or self._stopped or (error < SETTLED_ERROR and slow):
                 break
             self._advance(samples[-1])
         self._watch()
-        return MoveResult(self._contacts(), self._diverged, self._stopped)
+        return MoveResult(tuple(sorted(self._touched)), self._diverged, self._stopped)
 
     def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
         """As :meth:`follow`, until ``stop``; its force is the wrist's, the mean of the last physics steps."""
@@ -95,7 +98,7 @@ class SapienDriver:
 
     def grip(self, opening: float) -> GripResult:
         """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
-        self._touched, self._diverged = set(), False
+        self._begin()
         goal = self._travel(opening)
         start = 0.5 * self._world.gripper_width
         ramp = max(1, self._count(abs(goal - start) / self._config.grip_speed))
@@ -112,7 +115,7 @@ class SapienDriver:
         self._watch()
         width = self._world.gripper_width
         pressed = any(min(pair) > PRESSING for pair in self._world.finger_forces().values())
-        return GripResult(width, pressed and width - 2 * goal > STOPPED_SHORT, self._contacts())
+        return GripResult(width, pressed and width - 2 * goal > STOPPED_SHORT, tuple(sorted(self._touched)))
 
     def servo(self, joints: FloatArray, gripper: float, seconds: float) -> None:
         """Drive on to joints (dof,) and an opening in [0, 1] for ``seconds``, arriving or not; nothing settles."""
@@ -169,23 +172,15 @@ class SapienDriver:
 
     def _watch(self) -> None:
         self._diverged = self._diverged or not self._world.sane()
-        if self._diverged:
-            return
-        self._touched |= self._world.touching_links()
+        if not self._diverged:
+            self._touched |= self._world.touching_links()
 
     def _shoot(self) -> None:
         """A frame of the film; one that raises is the last, since the arm must still be held."""
-        if (film := self._film) is None or not self._world.sane():
-            return
-        self._film = None
-        film()
+        film, self._film = self._film, None
+        if film is not None and self._world.sane():
+            film()
         self._film = film
-
-    def _slow(self) -> bool:
-        return bool(np.abs(self._world.joint_speeds).max() < SETTLED_SPEED)
 
     def _count(self, seconds: float) -> int:
         return int(np.ceil(seconds * self._world.rate))
-
-    def _contacts(self) -> tuple[str, ...]:
-        return tuple(sorted(self._touched))

@@ -1,7 +1,8 @@
-"""The true state, scene and masks of the simulated world: for success checks and measurements."""
+"""The true scene and masks of the simulated world: for the ``oracle`` perceiver and measurements."""
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
@@ -19,52 +20,8 @@ from gvla2.robot.looks import body_surface
 from gvla2.robot.scan import Scan
 from gvla2.robot.solids import extent
 from gvla2.robot.task import Body, Layout, Solid
-from gvla2_plugins.sapien.bodies import PREFIX
 from gvla2_plugins.sapien.convex import pieces
 from gvla2_plugins.sapien.world import SapienWorld
-
-HOLDING_FORCE = 0.2
-"""Least force of a pressing finger, newtons; a cube of 0.125 kg needs about 0.5 N from each to stay."""
-
-RESTING_SPEED = 0.02
-"""Metres per second below which a body lies still."""
-
-
-class TrueState:
-    """Implements :class:`gvla2.robot.task.WorldState`."""
-
-    def __init__(self, world: SapienWorld) -> None:
-        self._world = world
-
-    def pose(self, body: str) -> FloatArray:
-        """world_from_body (4, 4) now."""
-        return self._world.body_pose(body)
-
-    def joint(self, name: str) -> float:
-        """Travel of a joint now, radians or metres."""
-        return self._world.travel(name)
-
-    def peak(self, name: str) -> float:
-        """Largest travel of a joint since the reset, radians or metres."""
-        return self._world.peaks[name]
-
-    def held(self, body: str) -> bool:
-        """Whether both fingers press on the body now."""
-        forces = self._world.finger_forces().get(PREFIX + body, (0.0, 0.0))
-        return min(forces) > HOLDING_FORCE
-
-    def touching(self, body: str) -> frozenset[str]:
-        """Names of the bodies that press on the body now; "table" and "robot" are among them."""
-        return frozenset(self._world.touching(body))
-
-    def resting(self, body: str) -> bool:
-        """Whether the body lies still now and the robot does not touch it."""
-        return self._world.body_speed(body) < RESTING_SPEED and "robot" not in self._world.touching(body)
-
-    def loose(self, thread: str) -> bool:
-        """Whether a thread has come loose."""
-        return self._world.loose(thread)
-
 
 BELOW_TOP = 0.2
 """Where the walls are checked: this share of the height below the top."""
@@ -114,22 +71,22 @@ def _within(solids: tuple[Solid, ...], points: FloatArray) -> np.ndarray:
 def cast_masks(
     cameras: Sequence[Camera],
     robot: Sequence[RayImage],
-    bodies: Mapping[str, Body],
+    bodies: Sequence[Body],
     world_from_body: Mapping[str, FloatArray],
     scenery: Body,
 ) -> tuple[tuple[str, ...], list[NDArray[np.int32]]]:
     """The names of bodies and their named parts, and one image (H, W) per camera of indices into the names.
 
     -1 is where none of them is seen: the robot (``robot``, its own images by the same cameras) and ``scenery`` hide
-    what is behind them. ``bodies`` and their poses (4, 4) go by name; a part is called ``body/label``, as in
-    :func:`~gvla2_plugins.sapien.truth.true_scene`, and its pixels are not the body's.
+    what is behind them. Poses (4, 4) go by the bodies' names; a part is called ``body/label``, as in
+    :func:`true_scene`, and its pixels are not the body's.
     """
     names: list[str] = []
     surfaces: list[Surface] = []
     poses: dict[int, FloatArray] = {}
-    for name, body in bodies.items():
-        for piece, solids in _pieces(name, body):
-            poses[len(surfaces)] = world_from_body[name]
+    for body in bodies:
+        for piece, solids in _pieces(body):
+            poses[len(surfaces)] = world_from_body[body.name]
             names.append(piece)
             surfaces.append(replace(body_surface(replace(body, solids=solids)), id=len(surfaces)))
     poses[len(surfaces)] = scenery.world_from_body
@@ -141,13 +98,14 @@ def cast_masks(
     return tuple(names), images
 
 
-def _pieces(name: str, body: Body) -> list[tuple[str, tuple[Solid, ...]]]:
+def _pieces(body: Body) -> list[tuple[str, tuple[Solid, ...]]]:
     """The body's solids that belong to no part, then those of each part; a solid belongs to the first that names it."""
     left = dict(enumerate(body.solids))
     parts = [
-        (f"{name}/{label}", tuple(left.pop(i) for i in numbers if i in left)) for label, numbers in body.parts
+        (f"{body.name}/{label}", tuple(left.pop(i) for i in numbers if i in left))
+        for label, numbers in body.parts
     ]
-    return [(piece, solids) for piece, solids in [(name, tuple(left.values())), *parts] if solids]
+    return [(piece, solids) for piece, solids in [(body.name, tuple(left.values())), *parts] if solids]
 
 
 POINTS = 1500
@@ -165,7 +123,7 @@ def true_scene(world: SapienWorld, layout: Layout, table_height: float, workspac
     above |= {thread.child: thread.parent for thread in layout.threads}
     objects: list[SceneObject] = []
     for body in layout.lit(world.peaks):
-        pose = world.body_pose(body.name)
+        pose = world.pose(body.name)
         parts = [_part(body, label, numbers) for label, numbers in body.parts]
         objects.append(_object(_without_what_stands_off(body), pose, above.get(body.name, "")))
         objects += [_object(part, pose, body.name) for part in parts]
@@ -190,31 +148,6 @@ def _without_what_stands_off(body: Body) -> Body:
     return replace(body, solids=tuple(solid for i, solid in enumerate(body.solids) if i not in aside))
 
 
-def _scanned(body: Body, scan: Scan, pose: FloatArray, parent: str) -> SceneObject:
-    """A body that is one mesh, in the slimmest upright box about it, known by its file."""
-    hull = transform_points(pose @ scan.body_from_shape, scan.hull)
-    world_from_box, extents = upright_box(hull)
-    points, _ = scan.textured.mesh.sample(POINTS, np.random.default_rng(0))
-    known = KnownShape(
-        body.name, scan.path, pose @ scan.body_from_shape @ rigid(translation=-scan.offset), scan.scale
-    )
-    low, high = extent(body.solids)
-    turned = abs(float(pose[2, 2])) < 0.9
-    return SceneObject(
-        body.name,
-        body.label,
-        body.shape if body.shape in get_args(Shape) else "other",  # type: ignore[arg-type]
-        nearest_colours(np.array(scan.rgb), 1)[0][0],
-        world_from_box,
-        extents,
-        transform_points(pose @ scan.body_from_shape, points),
-        np.array(scan.rgb),
-        parent,
-        opening=0.0 if turned or pose[2, 2] < 0 else opening(body.solids, low, high),
-        known=known,
-    )
-
-
 def upright_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The pose (4, 4) and sides (3,) of the box about points (N, 3), z up, of the least area seen from above."""
     turns = np.deg2rad(np.arange(0.0, 90.0, 2.0))
@@ -230,12 +163,18 @@ def upright_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
-    if len(body.solids) == 1 and isinstance(body.solids[0], Scan):
-        return _scanned(body, body.solids[0], pose, parent)
+    """The body as an object; one that is a mesh in the slimmest upright box about it, known by its file."""
     low, high = extent(body.solids)
-    rgb = np.array(_main_colour(body))
+    size, known = high - low, None
+    world_from_box = pose @ rigid(translation=0.5 * (low + high))
+    shape, rgb = _shape(body, size), np.array(_main_colour(body))
+    scan = body.solids[0]
+    if len(body.solids) == 1 and isinstance(scan, Scan):
+        world_from_scan = pose @ scan.body_from_shape
+        world_from_box, size = upright_box(transform_points(world_from_scan, scan.hull))
+        placed = world_from_scan @ rigid(translation=-scan.offset)
+        known = KnownShape(body.name, scan.path, placed, scan.scale)
     colour = nearest_colours(rgb, 1)[0][0]
-    shape = _shape(body, high - low)
     surface = body_surface(body)
     points, _ = TriangleMesh(surface.vertices, surface.faces).sample(POINTS, np.random.default_rng(0))
     return SceneObject(
@@ -243,20 +182,21 @@ def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
         body.label or f"{colour} {shape}",
         shape,
         colour,
-        pose @ rigid(translation=0.5 * (low + high)),
-        high - low,
+        world_from_box,
+        size,
         transform_points(pose, points),
         rgb,
         parent,
-        opening=opening(body.solids, low, high),
+        opening=opening(body.solids, low, high) if pose[2, 2] > 0.9 else 0.0,
+        known=known,
     )
 
 
 def _main_colour(body: Body) -> tuple[float, float, float]:
     """The colour of most of the body's volume."""
-    volume: dict[tuple[float, float, float], float] = {}
+    volume: dict[tuple[float, float, float], float] = defaultdict(float)
     for solid in body.solids:
-        volume[solid.rgb] = volume.get(solid.rgb, 0.0) + float(np.prod(solid.size))
+        volume[solid.rgb] += float(np.prod(solid.size))
     return max(volume, key=lambda rgb: volume[rgb])
 
 

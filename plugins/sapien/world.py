@@ -59,10 +59,18 @@ LET_GO = 1e-3
 """A new press of a button starts after it has come back to less than this, metres or radians."""
 TOUCH = 1e-4
 """Impulse per step, newton seconds, above which nearness counts as contact."""
+HOLDING_FORCE = 0.2
+"""Least force of a pressing finger, newtons; a cube of 0.125 kg needs about 0.5 N from each to stay."""
+RESTING_SPEED = 0.02
+"""Metres per second below which a body lies still."""
 
 
 class SapienWorld:
-    """Builds everything new, so that no earlier episode, blown up or not, leaves traces."""
+    """One episode, built anew, so that no earlier one, blown up or not, leaves traces.
+
+    Implements :class:`gvla2.robot.task.WorldState`, the scene's true state, which is for the cameras' rays and the
+    success check only.
+    """
 
     def __init__(self, config: SapienArmConfig, cell: Workcell, layout: Layout) -> None:
         sapien = import_sapien()
@@ -109,17 +117,13 @@ class SapienWorld:
         self._strokes = {glow.joint: False for glow in layout.glows if np.isfinite(glow.until)}
         self._to_hold = {glow.joint: glow for glow in layout.glows if glow.hold > 0.0}
         self._since = dict.fromkeys(self._to_hold, 0.0)
-        self._movers = [
-            component
-            for entity in self._bodies.entities.values()
-            for component in entity.components
-            if hasattr(component, "linear_velocity") and hasattr(component, "mass")
-        ]
+        components = (c for entity in self._bodies.entities.values() for c in entity.components)
+        self._movers = [c for c in components if hasattr(c, "linear_velocity") and hasattr(c, "mass")]
         self.peaks: dict[str, float] = {}
         self._settle()
 
     def _settle(self) -> None:
-        """Steps until the bodies rest, at least ten; raises :class:`SimulationError` when that goes wrong."""
+        """Step until the bodies rest, at least ten times; raises :class:`SimulationError` when that goes wrong."""
         for count in range(MOST_SETTLE_STEPS):
             self._system.step()
             if count + 1 >= SETTLE_STEPS and self._speed() < REST_SPEED:
@@ -129,7 +133,7 @@ class SapienWorld:
                 "The simulation blew up while the scene settled: bodies of this layout overlap. "
                 "Give their sampling more room."
             )
-        self.peaks = {name: self.travel(name) for name in (*self._bodies.joints, *self._threads)}
+        self.peaks = {name: self.joint(name) for name in (*self._bodies.joints, *self._threads)}
 
     def _speed(self) -> float:
         """Largest speed of a task's body, m/s, turning taken at a lever of 5 cm."""
@@ -139,8 +143,8 @@ class SapienWorld:
         """One step of physics."""
         self._system.step()
         self.steps += 1
-        for name, (articulation, index) in self._bodies.joints.items():
-            at = self._counts(name, float(articulation.qpos[index]))
+        for name in self._bodies.joints:
+            at = self._counts(name, self.joint(name))
             self.peaks[name] = max(self.peaks[name] if self._goes_on(name, at) else at, at)
         for catch in self._catches:
             catch.watch()
@@ -174,8 +178,6 @@ class SapienWorld:
         bodies = all(math.isfinite(sum(pose.p.tolist()) + sum(pose.q.tolist())) for pose in poses)
         return bool(robot and bodies and self._speed() < IMPOSSIBLE_SPEED)
 
-    # The robot, as its own sensors know it.
-
     @property
     def joints(self) -> FloatArray:
         """(dof,) the arm's joints, radians."""
@@ -199,12 +201,13 @@ class SapienWorld:
 
     def place_arm(self, joints: FloatArray, width: float) -> None:
         """Put the arm at rest at joints (dof,) radians, its fingers ``width`` metres apart."""
-        all_joints = np.zeros(len(self._robot.active_joints), dtype=np.float32)
-        all_joints[self._arm], all_joints[self._fingers] = joints, self._finger_joints_at(0.5 * width)
-        self._robot.set_qpos(all_joints)
-        self._robot.set_qvel(np.zeros_like(all_joints))
         self.drive_arm(joints, np.zeros(len(joints)))
         self.drive_fingers(0.5 * width)
+        all_joints = np.zeros(len(self._robot.active_joints), dtype=np.float32)
+        all_joints[self._arm] = joints
+        all_joints[self._fingers] = [np.ravel(joint.drive_target)[0] for joint in self._finger_joints]
+        self._robot.set_qpos(all_joints)
+        self._robot.set_qvel(np.zeros_like(all_joints))
 
     @property
     def arm_target(self) -> FloatArray:
@@ -220,15 +223,9 @@ class SapienWorld:
     def drive_fingers(self, travel: float) -> None:
         """Set each finger's target: half of the width between them, metres."""
         self.finger_target = travel
-        for joint, target in zip(self._finger_joints, self._finger_joints_at(travel).tolist(), strict=True):
-            joint.set_drive_target(target)
-
-    def _finger_joints_at(self, travel: float) -> FloatArray:
-        """The fingers' joints (2,) at half of a width between them, metres."""
-        ways = float(np.abs(self._opening).sum())
-        return np.asarray(
-            self._closed + np.clip((2 * travel - self._cell.gap) / ways, 0.0, 1.0) * self._opening
-        )
+        share = np.clip((2 * travel - self._cell.gap) / np.abs(self._opening).sum(), 0.0, 1.0)
+        for joint, target in zip(self._finger_joints, self._closed + share * self._opening, strict=True):
+            joint.set_drive_target(float(target))
 
     def link_poses(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """world_from_link (4, 4) of the robot's links at its measured joints."""
@@ -236,14 +233,12 @@ class SapienWorld:
 
     def touching_links(self) -> set[str]:
         """The robot's links that press on something else now; the base, which stands on the table, left out."""
-        base = self._cell.base_links
         touched: set[str] = set()
         for one, other, contact in self._contacts():
             mine = {one, other} & self._links.keys()
-            news = len(mine) == 1 and not mine & (base | touched)
-            if news and np.linalg.norm(_impulse(contact)) > TOUCH:
+            if len(mine) == 1 and not mine & touched and np.linalg.norm(_impulse(contact)) > TOUCH:
                 touched |= mine
-        return touched
+        return touched - self._cell.base_links
 
     def hand_force(self) -> FloatArray:
         """(3,) newtons, world: a wrist sensor's reading of everything that presses on or hangs from hand and fingers.
@@ -254,19 +249,16 @@ class SapienWorld:
         forces = np.asarray(self._robot.get_link_incoming_joint_forces(), dtype=np.float64)  # (links, 6)
         return np.asarray(_matrix(hand.entity.pose)[:3, :3] @ forces[hand.index, :3])
 
-    def finger_forces(self) -> dict[str, tuple[float, float]]:
+    def finger_forces(self) -> dict[str, tuple[float, ...]]:
         """Force of the left and the right finger on each object that they press on, newtons, by SAPIEN's name."""
-        forces: dict[str, dict[str, FloatArray]] = {}
+        forces: dict[str, FloatArray] = {}
         links = self._cell.gripper.finger_links
         for one, other, contact in self._contacts():
             for finger, obj in ((one, other), (other, one)):
                 if finger in links and obj not in self._links:
-                    by_finger = forces.setdefault(obj, {f: np.zeros(3) for f in links})
-                    by_finger[finger] = by_finger[finger] + _impulse(contact) * self.rate
-        return {
-            obj: (float(np.linalg.norm(f[links[0]])), float(np.linalg.norm(f[links[1]])))
-            for obj, f in forces.items()
-        }
+                    by_finger = forces.setdefault(obj, np.zeros((2, 3)))
+                    by_finger[links.index(finger)] += _impulse(contact) * self.rate
+        return {obj: tuple(np.linalg.norm(f, axis=1).tolist()) for obj, f in forces.items()}
 
     def _contacts(self) -> Iterator[tuple[str, str, Any]]:
         """The names of two that are in contact, and the contact, whose :func:`_impulse` is costly to ask for."""
@@ -274,36 +266,43 @@ class SapienWorld:
             one, other = contact.bodies
             yield one.entity.name, other.entity.name, contact
 
-    # The scene's true state: for the cameras' rays and the success check only.
-
-    def body_pose(self, name: str) -> FloatArray:
+    def pose(self, body: str) -> FloatArray:
         """world_from_body (4, 4) of a task's body."""
-        return _matrix(self._bodies.entities[name].pose)
+        return _matrix(self._bodies.entities[body].pose)
 
-    def travel(self, name: str) -> float:
-        """A task's joint or thread, radians or metres."""
+    def joint(self, name: str) -> float:
+        """Travel of a joint or turn of a thread now, radians or metres."""
         if name in self._threads:
             return self._threads[name].angle
         articulation, index = self._bodies.joints[name]
         return float(articulation.qpos[index])
 
-    def loose(self, name: str) -> bool:
+    def peak(self, name: str) -> float:
+        """Largest travel of a joint, or turn of a thread either way, since the reset."""
+        return self.peaks[name]
+
+    def loose(self, thread: str) -> bool:
         """Whether a thread has been turned until it holds no more."""
-        return self._threads[name].loose
+        return self._threads[thread].loose
 
-    def body_speed(self, name: str) -> float:
-        """Of a task's body, m/s, turning taken at a lever of 5 cm; 0 for what is fixed."""
-        entity = self._bodies.entities[name]
-        return max((_speed_of(c) for c in self._movers if c.entity == entity), default=0.0)
+    def held(self, body: str) -> bool:
+        """Whether both fingers press on the body now."""
+        return min(self.finger_forces().get(PREFIX + body, (0.0, 0.0))) > HOLDING_FORCE
 
-    def touching(self, name: str) -> set[str]:
-        """Names of objects that press on a task's body now: other bodies, "table", "robot"."""
+    def touching(self, body: str) -> frozenset[str]:
+        """Names of what presses on a task's body now: other bodies, "table", "robot"."""
         found = set()
         for one, other, contact in self._contacts():
-            if PREFIX + name in (one, other) and np.linalg.norm(_impulse(contact)) > TOUCH:
-                obj = other if one == PREFIX + name else one
+            if PREFIX + body in (one, other) and np.linalg.norm(_impulse(contact)) > TOUCH:
+                obj = other if one == PREFIX + body else one
                 found.add("robot" if obj in self._links else obj.removeprefix(PREFIX))
-        return found
+        return frozenset(found)
+
+    def resting(self, body: str) -> bool:
+        """Whether the body lies still now and the robot does not touch it."""
+        entity = self._bodies.entities[body]
+        speed = max((_speed_of(c) for c in self._movers if c.entity == entity), default=0.0)
+        return speed < RESTING_SPEED and "robot" not in self.touching(body)
 
 
 def _impulse(contact: Any) -> FloatArray:

@@ -14,11 +14,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, meant_by
+from gvla2.planning.colours import (
+    COLOURS,
+    DISTINCT,
+    FAMILIES,
+    NEARLY,
+    between,
+    colour_distance,
+    first_colour,
+    meant_by,
+)
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.part_hierarchy import root_of
+from gvla2.planning.part_hierarchy import is_ajar, root_of
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2_plugins.skill.reading import ITS, Noun, Place, Where
+from gvla2_plugins.skill.reading import ITS, SIDES_OF, Noun, Place, Where
 
 _LOOKS = {
     "cube brick box block": "block cube box brick",
@@ -28,10 +37,22 @@ _LOOKS = {
     "ring": "hoop frame", "bin tray box container basket": "bin basket container crate tray",
     "stand block": "holder rack pot", "tower": "stack pile", "lid cap": "cap top cover stopper cork lid flap",
     "plate board": "board", "base lamp": "lamp light", "bottle": "flask", "cabinet": "cupboard",
-    "button": "switch", "drawer": "layer", "umbrella": "parasol brolly", "handle": "grip",
+    "button": "switch", "umbrella": "parasol brolly", "handle": "grip", "knob": "dial",
+    "drawer shelf compartment": "layer level tier drawer shelf compartment",
 }  # fmt: skip
 SHAPES = {word: frozenset(kinds.split()) for kinds, words in _LOOKS.items() for word in words.split()}
 """Everyday nouns, and the last words of the labels that perception by shape gives such objects."""
+SYNONYMS = {
+    frozenset((kind, word)) for kind, words in _LOOKS.items() if " " not in kind for word in words.split()
+}
+"""Pairs of nouns for the same kind, also of an object whose name perception gave."""
+PACKAGES = frozenset("box carton packet package pack bag can tin jar bottle tube".split())
+"""Nouns for the package of what is named before them or with "of": "cookie box", "bottle of wine"."""
+NUMBERS = {"two": 2, "three": 3, "four": 4}
+STATES = {"open": True, "opened": True, "closed": False, "shut": False}
+"""Adjectives for drawers and doors that are ajar or not."""
+SECTIONS = frozenset("compartment section half side part end".split())
+"""Nouns for the part of something that is on one side of it."""
 _WINE = ("green", "maroon", "red", "black", "olive", "purple")
 KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
     **dict.fromkeys(["mustard", "mustard bottle"], ("bottle", ("yellow",))),
@@ -48,7 +69,8 @@ LOOSE = frozenset("protruding loose upright standing whole painted coloured colo
 """Adjectives that distinguish nothing that perception sees, and "other", which what was named before decides."""
 _EXTREMES = {
     "left": "left leftmost", "right": "right rightmost", "middle": "middle center centre central",
-    "near": "nearest closest near front", "far": "farthest furthest far back rear",
+    "near": "nearest closest near", "far": "farthest furthest far",
+    "front": "front frontmost", "back": "back rear backmost rearmost",
     "big": "biggest largest big large bigger larger", "small": "smallest small little smaller",
     "tall": "tallest tall taller", "short": "shortest short shorter",
     "top": "top upper topmost", "bottom": "bottom lower lowest",
@@ -60,8 +82,13 @@ SIDES = frozenset("top middle center centre front side edge rim".split())
 HOLDERS = frozenset("stand holder tower stack block rack pile pot vase".split())
 """What something may be taken out of although perception has another name for it, or none."""
 TABLE = frozenset(("table", "tabletop", "desk", "ground", "floor", "counter"))
+ON_TABLE = 0.04
+"""What stands on the table has its bottom lower than this above it, metres."""
 SIZE_SLACK, PLACE_SLACK = 0.05, 0.005
 """Differences of size (share) and place (metres) below perception's accuracy do not decide."""
+ASTRIDE, MIDWAY = 0.4, 0.15
+"""What is between two others is less off their line than this share of its length; of several, those count that are
+not further off than the nearest one by the second share."""
 CLOSE, BESIDE = 0.012, 0.25
 """Heights that differ less may touch; objects next to one another are no further apart, centre to centre; metres."""
 
@@ -76,10 +103,11 @@ class UngroundedError(Exception):
 
 @dataclass(frozen=True)
 class Context:
-    """What earlier clauses were about: ids of the last themes and of the last goal."""
+    """What earlier clauses were about: ids of the last themes and of the last goal, and of all that was closed."""
 
     themes: tuple[str, ...] = ()
     goal: str = ""
+    closed: tuple[str, ...] = ()
 
 
 def ground(
@@ -87,15 +115,17 @@ def ground(
     scene: Scene,
     context: Context,
     *,
-    movable: bool = False,
+    skill: str = "",
     out: frozenset[str] = frozenset(),
     origins: Sequence[Place] = (),
+    mark: bool = False,
 ) -> list[SceneObject]:
     """The objects that a phrase means: one, or several where it says so. Raises :class:`UngroundedError`.
 
-    ``movable`` leaves painted patches out, ``out`` are ids that cannot be meant; ``origins`` are places that they are
-    taken from.
+    ``skill`` is what is done to them, "" if they only say where; ``out`` are ids that cannot be meant; ``origins`` are
+    places that they are taken from. A ``mark``, which something is in, may be any of the parts of one whole.
     """
+    movable = skill not in ("", "press")
     pool = [o for o in scene.objects if o.id not in out and not (movable and o.shape == "region")]
     if noun.number == "it":
         return _antecedents(noun, pool, scene, context)
@@ -103,7 +133,7 @@ def ground(
     for origin in origins:
         fits = _taken(origin, fits, scene, context)
     for other in noun.besides:
-        excluded = _restricted(other, fits, scene, context)
+        excluded = _restricted(other, _named(other.words, fits), scene, context)
         if not excluded:
             raise UngroundedError(_nothing(other, fits, scene))
         fits = [o for o in fits if o not in excluded]
@@ -115,6 +145,9 @@ def ground(
         fits = [o for o in fits if o.id not in (*context.themes, context.goal)] if context.themes else fits
     if not fits:
         raise UngroundedError(_nothing(noun, pool, scene))
+    if (count := next((NUMBERS[w] for w in mods if w in NUMBERS), len(fits))) != len(fits):
+        message = f"There are {len(fits)} of '{noun.text}', not {count}."
+        raise UngroundedError(Abstention("ambiguous", message))
     plural = head not in {w for o in fits for w in _label(o)} and _singular(head) != head
     if len(fits) == 1 or noun.number == "all" or (noun.number == "the" and plural):
         return fits
@@ -123,6 +156,12 @@ def ground(
     family = {i for one in (*context.themes, context.goal) if one for i in scene.family(one)}
     if len(near := [o for o in fits if o.id in family]) == 1:
         return near  # "open the jar and put the lid on the square": that jar's
+    ready = [o for o in fits if is_ajar(o) == (skill == "close")]
+    if skill in ("open", "close", "pull") and len(ready) == 1:
+        return ready
+    wholes = [scene.whole_of(o) for o in fits]
+    if not skill and wholes[0] is not None and all(whole is wholes[0] for whole in wholes):
+        return fits if mark else [wholes[0]]  # "on top of the drawer" where a cabinet has three
     names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in fits)
     message = f"'{noun.text}' may mean {names}; say which, by its colour or side perhaps."
     raise UngroundedError(Abstention("ambiguous", message))
@@ -141,6 +180,10 @@ def _antecedents(
 ) -> list[SceneObject]:
     """What a pronoun stands for; where nothing was named before, the only object that can be moved."""
     named = [o for o in scene.objects if o.id in context.themes]
+    if noun.text == "them" and len(named) == 1 and context.goal:
+        raise UngroundedError(
+            Abstention("ambiguous", "'them' may be what was put there, with what it is on.")
+        )
     wholes = [o for o in pool if not o.parent and o.shape != "region"]
     if named or len(wholes) == 1:
         return named or wholes
@@ -168,20 +211,33 @@ def _singular(word: str) -> str:
     return word
 
 
+def _same(one: str, other: str) -> bool:
+    """Whether two words are forms of one noun."""
+    forms = [{w, _singular(w), w.removesuffix("s") if not w.endswith("ss") else w} for w in (one, other)]
+    return not forms[0].isdisjoint(forms[1])
+
+
 def _heads(words: Sequence[str], obj: SceneObject, level: int) -> int:
-    """How many words at a phrase's end name the kind of an object: 0 literally, 1 by shape, 2 by a kind not seen."""
-    label, heads = _label(obj), {words[-1], _singular(words[-1])}
+    """How many words at a phrase's end name the kind of an object: 0 literally, 1 by shape or a synonym, 2 by a kind
+    not seen. A name may be followed by the noun of its package, and a compound may be written in two words.
+    """
+    kind, head = _label(obj)[-1], _singular(words[-1])
+    before = words[-2] if len(words) > 1 else ""
     if level == 0:
-        return int(label[-1] in heads)
-    if obj.named_by:
-        return 0
+        packed = obj.named_by and not obj.opening and head in PACKAGES and _same(kind, before)
+        joined = before and before.removesuffix("ing") + head == kind  # "frying pan"
+        return 1 if _same(kind, words[-1]) else 2 if packed or joined else 0
+    if level == 1 and head in ANYTHING and obj.shape != "region" and not obj.parent:
+        return 1
+    if obj.named_by and not obj.parent:
+        compound = len(head) > 2 and kind.endswith(head)
+        content = kind in PACKAGES and _same(_label(obj)[-2:][0], words[-1])
+        return int(level == 1 and (frozenset((kind, head)) in SYNONYMS or compound or content))
     if level == 1:
-        alike = {kind for head in heads for kind in SHAPES.get(head, ())}
-        whole = obj.shape != "region" and not obj.parent
-        return int(label[-1] in alike or bool(heads & ANYTHING and whole))
+        return int(kind in SHAPES.get(words[-1], ()) or kind in SHAPES.get(head, ()))
     for width in (2, 1):
-        kind, colours = KINDS.get(" ".join(words[-width:]), ("", ()))
-        if kind == label[-1] and (not colours or obj.colour in colours):
+        seen, colours = KINDS.get(" ".join(words[-width:]), ("", ()))
+        if kind == seen and (not colours or obj.colour in colours):
             return width
     return 0
 
@@ -191,28 +247,34 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
 
     A name that perception gave, said in full, is that object and no other, whatever its words mean otherwise.
     """
-    exact = [o for o in pool if o.named_by and _label(o) in ([*words], [*words[:-1], _singular(words[-1])])]
+    names = [(o, _label(o)) for o in pool if o.named_by]
+    exact = [o for o, name in names if len(name) == len(words) and all(map(_same, name, words))]
     if exact:
         return exact
-    if "and" in words:  # the red and blue cubes; the yellow and white mug
+    if "and" in words:  # the yellow and white mug; the red and blue cubes
         at = words.index("and")
-        whole = [o for o in pool if " ".join(words) in " ".join(_label(o))]
-        return whole or [
+        mixed = [o for o in pool if {words[at - 1], words[at + 1]} <= {*_label(o)}]
+        both = _named((*words[:at], *words[at + 1 :]), mixed)
+        if both or _singular(words[-1]) == words[-1]:
+            return both
+        return [
             o for one in (words[:at], words[at + 1 : at + 2]) for o in _named((*one, *words[at + 2 :]), pool)
         ]
     kinds = any(" ".join(words[-n:]) in KINDS for n in (1, 2))
     for level in range(3):
         fits = [(o, words[: len(words) - n]) for o in pool if (n := _heads(words, o, level))]
-        true = [(o, rest) for o, mods in fits if (rest := _true(mods, o)) is not None]
+        true = [(o, rest) for o, mods in fits if (rest := _true(mods, o, pool)) is not None]
         if true or (fits and not kinds):
-            return _coloured(true, pool)
+            return _coloured(true, frozenset(words), pool)
     return []
 
 
-def _true(mods: Sequence[str], obj: SceneObject) -> tuple[str, ...] | None:
-    """The adjectives that are a colour, if all others are true of an object; None if one is not."""
+def _true(mods: Sequence[str], obj: SceneObject, pool: Sequence[SceneObject]) -> tuple[str, ...] | None:
+    """The adjectives that are a colour, if all others are true of an object, or of its whole; None if one is not."""
     label = _label(obj)
-    rest = [w for w in mods if w not in label and w not in LOOSE]
+    whole = [w for o in pool if o.id == obj.parent for w in _label(o) if w not in COLOURS]
+    rest = [w for w in mods if not any(_same(w, own) for own in (*label, *whole)) and w not in LOOSE]
+    rest = [w for w in rest if w not in NUMBERS and STATES.get(w, "") != is_ajar(obj)]
     other_material = MATERIALS & set(label)
     rest = [w for w in rest if w not in MATERIALS or other_material]
     rest = [w for w in rest if w not in EXTREMES]
@@ -226,22 +288,36 @@ def _true(mods: Sequence[str], obj: SceneObject) -> tuple[str, ...] | None:
 
 
 def _coloured(
-    fits: Sequence[tuple[SceneObject, tuple[str, ...]]], scene_objects: Sequence[SceneObject]
+    fits: Sequence[tuple[SceneObject, tuple[str, ...]]], words: frozenset[str], pool: Sequence[SceneObject]
 ) -> list[SceneObject]:
-    """Those of the colour that is said, if one is: their own, else one between two words, else their whole's."""
+    """Those of the colour that is said, if one is: their own, else one between two words, else their whole's.
+
+    What has more colours in its name than the ``words`` say comes last, and only if nothing else may have the colour.
+    """
     plain = [o for o, rest in fits if not rest]
-    if plain or not fits:
-        return plain
-    found = first_colour(fits[0][1])
+    said = words & COLOURS.keys()
+    full = [o for o in plain if not said or said >= COLOURS.keys() & set(_label(o))]
+    seen = [(o, rest) for o, rest in fits if rest]
+    if full or not seen:
+        return full or plain
+    found = first_colour(seen[0][1])
     assert found is not None
     colour = found[2]
+    own = _seen_as(colour, [o for o, _ in seen], pool)
+    if own or not plain:
+        return own
+    near = COLOURS.get(colour)
+    doubt = near is None or any(colour_distance(near, o.rgb) < DISTINCT for o, _ in seen)
+    return [] if doubt else plain
+
+
+def _seen_as(colour: str, objects: Sequence[SceneObject], pool: Sequence[SceneObject]) -> list[SceneObject]:
     colour = FAMILIES[colour][0] if colour not in COLOURS and len(FAMILIES[colour]) == 1 else colour
-    objects = [o for o, _ in fits]
     name = meant_by(colour, (o.colour for o in objects))
     own = [o for o in objects if name and o.colour == name]
     if own or not all(o.parent for o in objects):
         return own or [o for o in objects if between(NEARLY.get(colour, colour), o.rgb)]
-    by_id = {o.id: o for o in scene_objects}
+    by_id = {o.id: o for o in pool}
     wholes = {o.id: by_id[o.parent].colour for o in objects if o.parent in by_id}
     name = meant_by(colour, wholes.values())
     return [o for o in objects if name and wholes.get(o.id) == name]
@@ -256,20 +332,24 @@ def _owned(noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Conte
         return _named(noun.words, pool)
     if noun.owner is ITS and not context.themes:
         return _named(noun.words, pool)
-    owner = ground(noun.owner, scene, context)
     head = noun.words[-1]
+    if head in PACKAGES and (packed := _named((*noun.owner.words, *noun.words), pool)):
+        return packed
+    owner = ground(noun.owner, scene, context)
     if head in ANYTHING and len(owner) > 1:
         return [o for o in owner if o in pool]  # "the middle one of the pegs"
     if head in SIDES and len(noun.words) == 1 and not _named(noun.words, pool):
         return owner
+    for o in [*owner, *([scene[context.goal]] if noun.owner is ITS and context.goal else [])]:
+        if own := _named(noun.words, [p for p in scene.parts_of(o.id) if p in pool]):
+            return own
     ids = {i for o in owner for i in scene.family(root_of(o, scene).id)} - {o.id for o in owner}
-    mine = [o for o in pool if o.id in ids or any(_at(o, "on", [w]) or _at(o, "in", [w]) for w in owner)]
+    mine = [o for o in pool if o.id in ids or any(_at(o, by, owner, scene) for by in ("on", "in"))]
     return _named(noun.words, [o for o in mine if o not in owner])
 
 
-def _restricted(noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
-    """Those of a pool that a phrase's words and restrictions are true of."""
-    fits = _named(noun.words, pool) if noun.owner is None else list(pool)
+def _restricted(noun: Noun, fits: list[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
+    """Those that a phrase's restrictions are true of."""
     for where in noun.where:
         true = _where(where, fits, scene, context)
         fits = [o for o in fits if (o not in true) == where.denied]
@@ -305,17 +385,24 @@ def _taken(origin: Place, fits: list[SceneObject], scene: Scene, context: Contex
 
 def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
     """Those of ``fits`` that are where a place says; of several beside it, the nearest."""
-    if place.nouns[0].words and set(place.nouns[0].words) & TABLE:
-        centred = set(place.nouns[0].words) & {"center", "centre", "middle"}
-        return _extreme(fits, "middle", scene) if centred else fits
+    noun = place.nouns[0]
+    words = {*noun.words, *(noun.owner.words if noun.owner else ())}
+    if words & TABLE:
+        if words & {"center", "centre", "middle"}:
+            return _extreme(fits, "table", scene)
+        return [o for o in fits if o.bottom < scene.table_height + ON_TABLE] or fits
     if place.relation == "between":
         marks = [ground(n, scene, context) for n in place.nouns]
         if len(marks) == 1:
             marks = [[o] for o in marks[0]]
-        return [o for o in fits if len(marks) == 2 and _between(o, marks[0][0], marks[1][0])]
-    at = ground(place.nouns[0], scene, context)
-    there = [o for o in fits if o not in at and _at(o, place.relation, at)]
+        if len(marks) != 2:
+            return []
+        off = {o.id: _between(o, marks[0][0], marks[1][0]) for o in fits}
+        return [o for o in fits if off[o.id] < min(ASTRIDE, min(off.values()) + MIDWAY)]
+    at = ground(place.nouns[0], scene, context, mark=place.relation in ("in", "from"))
+    there = [o for o in fits if o not in at and _at(o, place.relation, at, scene)]
     if place.relation == "beside" and there:
+        there = [o for o in there if not _at(o, "on", at, scene)] or there
         gaps = [min(_gap(o, m) for m in at) for o in there]
         there = [o for o, g in zip(there, gaps, strict=True) if g <= min(gaps) + CLOSE]
     return there
@@ -330,47 +417,60 @@ def _over(one: SceneObject, other: SceneObject) -> bool:
     return other.covers(one.centre) or _gap(one, other) < min(reach, 0.5 * float(other.extents[:2].max()))
 
 
-def _at(obj: SceneObject, relation: str, marks: Sequence[SceneObject]) -> bool:
+def _at(obj: SceneObject, relation: str, marks: Sequence[SceneObject], scene: Scene) -> bool:
     """Whether an object is in the relation to any of the marks."""
-    return any(_holds(obj, relation, mark) for mark in marks if mark is not obj)
+    return any(_holds(obj, relation, mark, scene) for mark in marks if mark is not obj)
 
 
-def _holds(obj: SceneObject, relation: str, at: SceneObject) -> bool:
-    """The relation to one mark; x is behind, y to the left, as the robot sees it."""
-    ahead, left = (obj.centre - at.centre)[:2]
+def _holds(obj: SceneObject, relation: str, at: SceneObject, scene: Scene) -> bool:
+    """The relation to one mark, as the scene's viewpoint has it; what is on a bowl may reach into it."""
     match relation:
         case "on":
-            return _over(obj, at) and obj.bottom > at.top - 2 * CLOSE
+            height, sunk = obj.bottom - at.top, 0.5 * float(at.extents[2]) if at.opening else 0.0
+            aside = float(at.distances([*obj.centre[:2], at.centre[2]]))
+            rests = abs(height) < 2 * CLOSE and aside < 0.25 * obj.extents[:2].min()  # askew on its edge
+            return rests or (_over(obj, at) and height > -2 * CLOSE - sunk)
         case "in":
             return obj.parent == at.id or (_over(obj, at) and obj.bottom < at.top - CLOSE)
         case "from":
             touches = bool((at.distances(obj.corners()) == 0.0).any())
-            return obj.parent == at.id or _over(obj, at) or touches
+            return touches or any(_holds(obj, by, at, scene) for by in ("in", "on")[: 1 if at.joint else 2])
         case "beside":
             return _gap(obj, at) < BESIDE + 0.5 * float(at.extents[:2].max())
-        case "left_of" | "right_of":
-            return bool((left if relation == "left_of" else -left) > CLOSE)
-        case "behind" | "front_of":
-            return bool((ahead if relation == "behind" else -ahead) > CLOSE)
+        case "left_of" | "right_of" | "front_of" | "behind":
+            return float((obj.centre - at.centre) @ scene.side(relation)) > CLOSE
     return True
 
 
-def _between(obj: SceneObject, one: SceneObject, other: SceneObject) -> bool:
-    """Whether it lies between two others: within the middle of their line, nearer to it than half its length."""
-    if obj in (one, other):
-        return False
+def section(noun: Noun, scene: Scene, context: Context) -> tuple[SceneObject, tuple[float, float]] | None:
+    """What a phrase like "the back compartment of the caddy" is a side of, and the middle (x, y) of that half of it;
+    None if it is another phrase, or one for a part that the scene has.
+    """
+    if noun.owner is None or len(noun.words) != 2 or noun.words[1] not in SECTIONS:
+        return None
+    side, owner = SIDES_OF.get(noun.words[0]), ground(noun.owner, scene, context)
+    if side is None or len(owner) != 1 or _owned(noun, scene.objects, scene, context):
+        return None
+    way = scene.side(side)
+    x, y = (owner[0].centre + 0.5 * owner[0].half_along(way) * way)[:2]
+    return owner[0], (float(x), float(y))
+
+
+def _between(obj: SceneObject, one: SceneObject, other: SceneObject) -> float:
+    """How far it is off the line between two others, as a share of their distance; infinite if it is not between."""
     line, to = (other.centre - one.centre)[:2], (obj.centre - one.centre)[:2]
-    length = float(np.linalg.norm(line))
-    along = float(to @ line) / max(length, 1e-9)
-    across = float(np.sqrt(max(float(to @ to) - along**2, 0.0)))
-    return 0.0 < along < length and across < 0.5 * length
+    length = max(float(np.linalg.norm(line)), 1e-9)
+    along = float(to @ line) / length
+    if obj in (one, other) or not 0.0 < along < length:
+        return float("inf")
+    return float(np.sqrt(max(float(to @ to) - along**2, 0.0))) / length
 
 
 def _extreme(fits: list[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
     """The most extreme objects by a criterion of :data:`EXTREMES`, or all that are not clearly less so.
 
-    ``left``, ``right``, ``near`` and ``far`` are as the robot sees them, ``big`` is by volume, ``tall`` by height; in a
-    stack the middle one is the one at middle height.
+    ``near`` and ``far`` are from the robot, the sides as the scene's viewpoint has them, ``table`` is nearest to the
+    table's middle, ``big`` is by volume, ``tall`` by height; in a stack the middle one is the one at middle height.
     """
     if not fits:
         return []
@@ -378,8 +478,10 @@ def _extreme(fits: list[SceneObject], by: str, scene: Scene) -> list[SceneObject
     places = np.array([o.centre[:2] for o in fits])
     low, high = scene.workspace.low, scene.workspace.high
     distances = np.linalg.norm(places - [low[0], 0.5 * (low[1] + high[1])], axis=1)
+    left, back = places @ scene.side("left_of")[:2], places @ scene.side("behind")[:2]
     ranks = {
-        "left": -places[:, 1], "right": places[:, 1], "near": distances, "far": -distances,
+        "left": -left, "right": left, "back": -back, "front": back, "near": distances, "far": -distances,
+        "table": np.linalg.norm(places - 0.5 * (low + high)[:2], axis=1),
         "middle": np.linalg.norm(places - places.mean(axis=0), axis=1),
         "big": -sizes.prod(axis=1), "small": sizes.prod(axis=1), "tall": -sizes[:, 2], "short": sizes[:, 2],
         "top": -heights, "bottom": heights,

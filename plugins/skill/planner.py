@@ -9,20 +9,22 @@ from typing import cast
 from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.colours import colour_distance
 from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest
-from gvla2.planning.part_hierarchy import root_of
+from gvla2.planning.part_hierarchy import button_of, is_ajar, knob_of, root_of
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.grounding import Meant, meant
+from gvla2.skills.grounding import Meant, meant, turned
 from gvla2.skills.multi_step import is_container
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig
-from gvla2_plugins.skill.grounding import Context, UngroundedError, ground, several
+from gvla2_plugins.skill.grounding import Context, UngroundedError, ground, section, several
 from gvla2_plugins.skill.reading import Command, Noun, Reading, UnreadableError, readings
 
 ABSORBED = {"pick": {"pick", "pull", "twist"}, "pull": {"pull"}, "place": {"place"}}
 """A call of the same theme that follows one of these asks for nothing more: "pick it up and lift it"."""
 FINISHED_BY = {"pick": {"pull", "place"}, "pull": {"place"}}
 """A call is a part of one of these that follows it with the same theme: "pull it out and put it there"."""
+TURN_OFF = "turn off"
+"""What the reading calls a skill that only knobs have."""
 CONTAINERS = frozenset(("bin", "tray", "basket", "container", "crate"))
 
 
@@ -83,6 +85,7 @@ def _calls(reading: Reading, scene: Scene) -> tuple[SkillCall, ...]:
     for call, following in pairwise(calls):
         what = meant(call, scene)
         held = isinstance(what, Meant) and what.skill in ("pick", "twist", "draw") and not call.goal
+        held = held and scene[call.theme].joint is None  # a knob stays where it is
         if held and root_of(scene[following.theme], scene) is not root_of(scene[call.theme], scene):
             message = f"The {scene[call.theme].label} would still be in the hand; ask for one at a time."
             raise UngroundedError(Abstention("other", message))
@@ -91,7 +94,7 @@ def _calls(reading: Reading, scene: Scene) -> tuple[SkillCall, ...]:
 
 def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[SkillCall], Context]:
     """The calls of a command, one for each of its themes, and what the next clause may refer to."""
-    if command.skill not in STANDARD:
+    if command.skill not in STANDARD and command.skill != TURN_OFF:
         message = f"No skill can {command.skill} anything; it can {', '.join(STANDARD)}."
         raise UngroundedError(Abstention("unknown_skill", message))
     goal = command.goal
@@ -105,8 +108,8 @@ def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[Sk
         if noun.number == "it" and context.goal and command.skill in ("open", "close", "press"):
             found = [scene[context.goal]]  # "put it in the drawer and close it"
         else:
-            movable = command.skill != "press"
-            found = ground(noun, scene, context, movable=movable, out=frozenset(out), origins=command.origins)
+            skill = "press" if command.skill == TURN_OFF else command.skill
+            found = ground(noun, scene, context, skill=skill, out=frozenset(out), origins=command.origins)
         themes += [o for o in found if o not in themes]
     for noun in command.present:
         ground(noun, scene, Context(tuple(o.id for o in themes)))
@@ -116,15 +119,28 @@ def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[Sk
             Abstention("other", f"It names several objects, {names}; ask for one at a time.")
         )
     calls = [_call(command, theme, scene, context) for theme in themes]
-    return calls, Context(tuple(o.id for o in themes), calls[-1].goal)
+    ids = tuple(o.id for o in themes)
+    closed = (*context.closed, *ids) if command.skill == "close" else context.closed
+    return calls, Context(ids, calls[-1].goal, closed)
 
 
 def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) -> SkillCall:
     """The call for one theme; raises :class:`UngroundedError` where its goal is not one certain object."""
+    knob = knob_of(theme, scene)
+    if knob is not None and command.skill in ("press", TURN_OFF) and button_of(theme, scene) is None:
+        return turned(SkillCall("twist", knob.id), knob, on=command.skill == "press")
+    if command.skill == TURN_OFF:
+        raise UngroundedError(
+            Abstention("unknown_skill", f"No skill can turn off the {theme.label}: it has no knob.")
+        )
     call = SkillCall(command.skill, theme.id, amount=command.amount, direction=command.direction)
     goal = command.goal
+    if command.direction is not None and command.direction[1] and scene.viewpoint == "facing":
+        call = replace(call, direction=(0.0, -command.direction[1]))
     if goal is None:
         return call
+    if goal.relation in ("in", "on") and (spot := section(goal.nouns[0], scene, context)):
+        return replace(call, goal=spot[0].id, relation="in", xy=spot[1])
     if goal.relation == "matching":
         found = _containers(scene)
         if len(found) < 2:
@@ -138,7 +154,11 @@ def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) 
     if goal.relation == "between":
         x, y = 0.5 * (places[0][0].centre + places[1][0].centre)[:2]
         return replace(call, xy=(float(x), float(y)))
-    return replace(call, goal=places[0][0].id, relation=cast(Relation, goal.relation))
+    at = places[0][0]
+    whole = scene.whole_of(at)
+    if goal.relation == "on" and whole is not None and (at.id in context.closed or is_ajar(at) is False):
+        at = whole  # nothing can be put on a closed drawer
+    return replace(call, goal=at.id, relation=cast(Relation, goal.relation))
 
 
 def _aim(noun: Noun, theme: SceneObject, scene: Scene, context: Context) -> list[SceneObject]:

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
+from itertools import pairwise
 from typing import Any, Literal
 
 from lark import Lark, Token, Transformer, Tree, v_args
@@ -18,6 +19,7 @@ from lark.exceptions import UnexpectedInput, VisitError
 from lark.visitors import CollapseAmbiguities
 
 from gvla2.planning.calls import WAYS
+from gvla2.planning.colours import first_colour
 
 Number = Literal["the", "any", "all", "it"]
 LONGEST = 300
@@ -46,6 +48,7 @@ VERBS: dict[str, tuple[str, frozenset[str]]] = {
 """Verb classes of the grammar: the skill that each asks for by itself, and particles that it may have."""
 STATES = ("TAKE", "PUSH", "SLIDE", "PULL", "SWING", "OPEN", "CLOSE")
 """Verb classes that may be followed by the state that they lead to: "swing the lid open"."""
+SIDES_OF = {"left": "left_of", "right": "right_of", "front": "front_of", "back": "behind", "rear": "behind"}
 HOLDS = ("handle", "rim", "grip", "edge", "lip", "side", "top", "knob", "neck", "shaft", "end", "body")
 """Where something may be said to be held."""
 
@@ -137,6 +140,12 @@ def grammar() -> Lark:
     return Lark(text, parser="earley", lexer="dynamic", ambiguity="explicit", propagate_positions=True)
 
 
+@cache
+def verbs() -> str:
+    """A regular expression of all verbs."""
+    return "|".join(grammar().get_terminal(name).pattern.to_regexp() for name in VERBS)
+
+
 def readings(sentence: str) -> list[Reading]:
     """All readings of a sentence, without doubles; raises :class:`UnreadableError` where there is none.
 
@@ -170,9 +179,8 @@ def _aimless(command: Command) -> bool:
 
 def _unread(text: str, at: int | None) -> UnreadableError:
     """The failure at a character of the text (None: at its end)."""
-    verbs = "|".join(grammar().get_terminal(name).pattern.to_regexp() for name in VERBS)
     opened = re.sub(r"^(?:please|could you|can you|would you|will you|\s)+", "", text)
-    if not re.match(verbs, opened):
+    if not re.match(verbs(), opened):
         word = (opened.split() or [""])[0]
         return UnreadableError(f"'{word}' is no verb that the skill planner knows", word)
     if at is None or at < 0 or at >= len(text):
@@ -225,6 +233,10 @@ class _Reader(Transformer[Token, Any]):
         return Noun(self._text[meta.start_pos : meta.end_pos], words, "the", tuple(where), (), owner)
 
     def nps(self, nouns: list[Noun]) -> tuple[Noun, ...]:
+        for before, noun in pairwise(nouns):
+            bare = noun.words[:1] == tuple(noun.text.split()[:1])
+            if bare and (re.match(verbs(), noun.text) or first_colour(before.words[-1:])):
+                raise UnreadableError(f"'{noun.text}' is no object of its own")
         return tuple(nouns)
 
     # Places
@@ -236,6 +248,9 @@ class _Reader(Transformer[Token, Any]):
     def place(self, children: list[Any]) -> Place:
         if isinstance(children[0], tuple):
             (relation, goal), noun = children
+            side = SIDES_OF.get(" ".join(noun.words).removesuffix(" side"), "")
+            if noun.owner is not None and side and relation in ("to", "on"):
+                return Place(side, (noun.owner,))  # "to the stove's front"
             return Place(relation, (noun,), goal)
         return Place("between", tuple(children[1:]))
 
@@ -268,12 +283,17 @@ class _Reader(Transformer[Token, Any]):
         themes = next(c for c in children if isinstance(c, tuple))
         return _command(verb.type, themes, [c for c in children if isinstance(c, Tree)])
 
+    def elided(self, children: list[Any]) -> Command:
+        return _command("PUT", (replace(ITS, text=""),), [Tree("place_of", children[1:])])
+
     def same_again(self, children: list[Any]) -> Command:
         return Command("", children[0], children[1])
 
     def start(self, clauses: list[Any]) -> Reading:
         read: list[Command] = []
         for command in clauses:
+            if not read and command.themes[0].text == "":
+                raise UnreadableError("what is to be put there is missing")
             if not command.skill and (not read or read[-1].goal is None or not command.goal):
                 raise UnreadableError(f"'{command.themes[0].text}' is in a clause without a verb")
             read.append(replace(command, skill=command.skill or read[-1].skill))
@@ -346,7 +366,8 @@ def _skill(
         return ("open" if states[0] == "open" else "close") if verb in STATES else ""
     match verb:
         case "TURN":
-            return {"on": "press", "off": "turn off"}.get(" ".join(particles), "")
+            turned = {"on": "press", "off": "turn off"}.get(" ".join(particles), "")
+            return "twist" if not particles and heads <= {"knob", "dial"} else turned
         case "SWING":
             ways = {w in ("over", "down") for w in particles}
             return "" if len(ways) != 1 else "close" if ways == {True} else "open"

@@ -13,6 +13,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.scan import Scan, chosen, mesh_library, read_scan, scanned_body, spoken
+from gvla2.robot.solids import lowest
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
 from gvla2_plugins.tabletop_objects.asking import (
@@ -167,7 +168,7 @@ def _put_in(bodies: list[Body]) -> list[ObjectRequest]:
 def _set_down(body: Body, root: FloatArray, site: TaskSite) -> Body:
     """The body at the place of ``root``, its lowest point on the table."""
     pose = rigid(body.world_from_body[:3, :3], (*root[:2, 3], 0.0))
-    pose[2, 3] = site.table_height + DROP - _scan(body).lowest(pose)
+    pose[2, 3] = site.table_height + DROP - lowest(_scan(body), pose)
     return replace(body, world_from_body=pose)
 
 

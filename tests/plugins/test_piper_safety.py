@@ -14,10 +14,10 @@ from gvla2.errors import RobotError
 from gvla2_plugins.piper import PiperConfig, frames, session
 from gvla2_plugins.piper.arm import HOME, Bounds
 from gvla2_plugins.piper.backend import Piper
-from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import SILENT_AFTER, SafetyStopError
 from gvla2_plugins.piper.session import ask_person, check_health, confirm
+from gvla2_plugins.piper.writer import CommandLog
 from tests.plugins.piper_rig import SWIFT, Rig, forbidden, logged_frames, read_log, waypoint
 from tests.plugins.synthetic_table import Scenery
 from tests.plugins.virtual_piper import Faults, VirtualArm, pair
@@ -175,7 +175,7 @@ def test_a_second_writer_in_the_same_process_is_refused_too(rig, tmp_path):
     one.robot.reset(None, 0)
     config = PiperConfig(bus="virtual", channel=one.channel, armed=True, log=str(tmp_path / "b.jsonl"))
     second = Piper(config, Scenery(8), lambda question: f"move {one.channel}")
-    with pytest.raises(RobotError, match="already commanded by process"):
+    with pytest.raises(RobotError, match="already commanded by another program"):
         second.reset(None, 0)
     second.close()
 
@@ -184,7 +184,7 @@ def test_a_second_writer_in_the_same_process_is_refused_too(rig, tmp_path):
     ("faults", "message"),
     [
         ({"zeros": True}, "all six joints read exactly 0"),
-        ({"silent": True}, "No frames come from the arm .* wrong bitrate"),
+        ({"silent": True}, "No frames come from the arm .*wrong bitrate"),
         ({"state": 1}, "the arm's status is 'emergency stop'"),
         ({"delay": 0.3}, "did not answer a query within 150 ms"),
     ],

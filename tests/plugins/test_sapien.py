@@ -34,13 +34,13 @@ def driver(panda) -> SapienDriver:
 def test_bodies_rest_where_they_were_laid_and_nothing_is_done_yet(panda, name):
     for seed in (0, 1):
         instance = panda.reset(TASKS[name], seed)
-        before = {b.name: panda._world.body_pose(b.name) for b in instance.layout.bodies}
+        before = {b.name: panda._world.pose(b.name) for b in instance.layout.bodies}
         for body in instance.layout.bodies:
             np.testing.assert_allclose(before[body.name], body.world_from_body, atol=1e-3)
         verdict = panda.success_check()
         assert (verdict.relaxed, verdict.strict) == (False, False)
         for body in instance.layout.bodies:  # and a quarter of a second later still
-            np.testing.assert_allclose(panda._world.body_pose(body.name), before[body.name], atol=2e-4)
+            np.testing.assert_allclose(panda._world.pose(body.name), before[body.name], atol=2e-4)
 
 
 # Cameras

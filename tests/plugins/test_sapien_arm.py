@@ -240,7 +240,7 @@ EMPTY = "<visual><geometry/></visual>"
         (None, {"urdf": "", "tool_link": ""}, r"needs robot\.urdf=\.\.\. and robot\.tool_link=.*your_arm\.md"),
         (urdf(shapes=False), {}, "None of the 11 links of .* has a <collision> or <visual>"),
         (urdf(extra=f'<link name="cap">{VISUAL}</link>'), {}, r"mesh .*six/none\.stl of link cap in .*not exist"),
-        (urdf(travel=0.0), {}, r"The gripper cannot open: .*\(0\.0, 0\.0\).*finger_a_joint.*Correct the joints"),
+        (urdf(travel=0.0), {}, r"The gripper cannot open: .*finger_a_joint.*\(0\.0, 0\.0\).*Correct the joints"),
         ("<robot", {}, "is not XML"),
         ("<sdf/>", {}, "needs a plain URDF"),
     ],

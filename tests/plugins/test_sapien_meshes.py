@@ -23,7 +23,7 @@ TABLE = 0.752
 def settled(layout):
     """Each body of a layout and where it is (4, 4) once the world has come to rest."""
     world = SapienWorld(SapienPandaConfig(), make_cell(SapienPandaConfig()), layout)
-    return [(body, world.body_pose(body.name)) for body in layout.bodies]
+    return [(body, world.pose(body.name)) for body in layout.bodies]
 
 
 @pytest.fixture(scope="module")
@@ -53,11 +53,11 @@ def test_things_fall_into_a_bowl_and_stay(bowl_file, tmp_path):
     )
     vessel = scanned_body(bowl_file, "bowl", spot, mass=0.2)
     world = SapienWorld(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((vessel, cube)))
-    now = world.body_pose("cube")[:3, 3]
+    now = world.pose("cube")[:3, 3]
     assert np.linalg.norm(now[:2] - (0.2, 0.1)) < 0.06
     assert TABLE + 0.01 < now[2] < TABLE + 0.03
     assert world.touching("cube") == {"bowl"}
-    np.testing.assert_allclose(world.body_pose("bowl")[:3, 3], spot[:3, 3], atol=0.003)
+    np.testing.assert_allclose(world.pose("bowl")[:3, 3], spot[:3, 3], atol=0.003)
 
 
 def test_the_mass_is_the_one_given(bowl_file, tmp_path):

@@ -93,12 +93,12 @@ def test_a_grasped_cube_is_lifted_and_stays(panda, seed, size, mass, off):
     assert "panda_hand" not in result.contacts
     verdict = panda.success_check()
     assert (verdict.relaxed, verdict.strict) == (True, True)
-    lifted = panda._world.body_pose(body.name)
+    lifted = panda._world.pose(body.name)
     assert lifted[2, 3] - body.world_from_body[2, 3] == pytest.approx(0.24, abs=0.004)
     drive.grip(1.0)  # let go: it falls, and does not count as held any more
     for _ in range(240):
         panda._world.step()
-    assert panda._world.body_pose(body.name)[2, 3] < TABLE_HEIGHT + size
+    assert panda._world.pose(body.name)[2, 3] < TABLE_HEIGHT + size
     assert not panda.success_check().strict
 
 
@@ -112,7 +112,7 @@ def test_the_same_seed_is_the_same_episode_to_the_bit():
         move(robot, drive, above(block[:3, 3], block[:3, 1], 0.06), 0.0, straight=False)
         move(robot, drive, above(block[:3, 3], block[:3, 1], 0.03), 0.0)  # presses on the block
         seen = robot.observe()
-        pose = robot._world.body_pose("block")
+        pose = robot._world.pose("block")
         robot.close()
         return instance.instruction, seen, pose
 

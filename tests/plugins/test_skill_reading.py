@@ -117,7 +117,7 @@ def test_perceived_names_and_relations_decide(sentence, done):
         ("pick the bbq sauce and place it on the plate", "nothing_matches", "'the bbq sauce'; the scene has: akita"),
         ("pick up the akita black bowl", "ambiguous", "may mean akita black bowl at (0.20, 0.15), akita black bowl"),
         ("pick up the orange bowl", "nothing_matches", "'the orange bowl'"),
-        ("turn off the stove", "unknown_skill", "No skill can turn off anything; it can pick,"),
+        ("turn off the stove", "unknown_skill", "No skill can turn off the flat stove"),
         ("flambé the butter", "unknown_skill", "'flambé' is no verb"),
         ("put the butter on the plate unless it is soft", "other", "'unless it is soft' cannot be read"),
     ],

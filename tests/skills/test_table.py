@@ -63,7 +63,7 @@ def test_what_is_no_skill_is_said_and_left_out(register, offered, said):
 def test_of_two_skills_of_one_name_the_first_wins(register):
     register("mine", PICK)
     registry = load_plugins()
-    assert registry.skill_plugin("pick").name == "mine"
+    assert registry.skills_offered["pick"][1].name == "mine"
     (problem,) = registry.problems
     assert "already offered by plugin 'mine'" in problem.message
 

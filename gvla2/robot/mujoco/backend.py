@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
-from gvla2.geometry.views import Observation, Views
+from gvla2.geometry.views import Observation, Viewpoint, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.arm_from_urdf import UrdfArm, arm_from_urdf
@@ -104,7 +104,10 @@ class MujocoArm:
         size, joints, width = self._config.image_size, state.joints, state.width
         views = made.mask([eyes.view(name, size) for name in eyes.cameras], joints, width)
         opening = float(np.clip(width / made.arm.hand.max_width, 0.0, 1.0))
-        return Observation(Views(views), made.arm.forward(joints), joints, opening, width)
+        viewpoint: Viewpoint = "facing" if self._config.viewpoint == "facing" else "robot"
+        return Observation(
+            Views(views), made.arm.forward(joints), joints, opening, width, viewpoint=viewpoint
+        )
 
     def execute(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT

@@ -15,7 +15,8 @@ class MujocoConfig(ComponentConfig):
     ``cameras`` are the model's, with square images of ``image_size`` pixels; the film, if one is asked for, is taken by
     the first of them with ``video_size`` pixels and ``video_fps`` pictures a second. ``joint_speed`` and
     ``acceleration`` bound the arm's joints (rad/s, rad/s²), ``pace`` multiplies the tool speeds of plans. ``stiffness``
-    is the gain of the joint controller (1/s²).
+    is the gain of the joint controller (1/s²). ``viewpoint`` is from where instructions name sides: "robot", or
+    "facing" it, like a camera opposite.
     """
 
     cameras: list[str] = field(default_factory=list)
@@ -26,11 +27,14 @@ class MujocoConfig(ComponentConfig):
     acceleration: float = 10.0
     pace: float = 1.6
     stiffness: float = 600.0
+    viewpoint: str = "robot"
 
     def __post_init__(self) -> None:
         bad = [f"robot.{name}={getattr(self, name)}" for name in _POSITIVE if not getattr(self, name) > 0]
         if bad:
             raise ConfigurationError(f"Options must be above 0, unlike {', '.join(bad)}.")
+        if self.viewpoint not in ("robot", "facing"):
+            raise ConfigurationError(f"robot.viewpoint={self.viewpoint} must be robot or facing.")
 
 
 _POSITIVE = (

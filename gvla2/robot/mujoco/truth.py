@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, box_corners, rigid, transform_points
 from gvla2.perception.articulated import THIN, MovingPart, joint_of, part_noun, with_parts
+from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Joint, Scene, SceneObject, Shape
 from gvla2.robot.mujoco.description import mesh_of, robot_bodies
 from gvla2.robot.mujoco.world import World
@@ -19,6 +20,8 @@ MOST_POINTS = 1500
 PLACES = frozenset(("top", "middle", "bottom", "upper", "lower", "left", "right", "front", "back"))
 """Words of a body's name that tell it from others of its kind."""
 
+ROUND, ANGLES = 1.1, 2 * np.pi * np.arange(16) / 16
+"""An outline is round if its reach differs by less than this factor between these directions, radians."""
 DEEP, AROUND = 0.3, 0.5
 """A body is hollow when nothing of its middle reaches within this share of its height of its top; and the share of
 its half width that is its middle."""
@@ -97,18 +100,27 @@ def _object(name: str, label: str, points: FloatArray, rgb: FloatArray, axes: Fl
     wall = away[local[:, 2] > high[2] - 0.15 * extents[2]]
     hollow = len(inner) > 0 and inner[:, 2].max() < high[2] - DEEP * extents[2]
     flat = extents[2] < 0.3 * min(extents[:2])
-    shape: Shape = "plate" if flat else "box"
+    round_ = _is_round(local[:, :2] - middle[:2])
+    shape: Shape = ("disc" if round_ else "plate") if flat else ("cylinder" if round_ else "box")
     return SceneObject(
         name,
         label,
         shape,
-        "",
+        nearest_colours(rgb, 1)[0][0],
         rigid(turn, turn @ middle),
         extents,
         points[:: max(1, len(points) // MOST_POINTS)],
         rgb,
         opening=2 * float(np.percentile(wall, 2)) if hollow and len(wall) else 0.0,
+        named_by="oracle",
     )
+
+
+def _is_round(points: FloatArray) -> bool:
+    """Whether an outline (N, 2) about the origin reaches about equally far in all directions."""
+    ways = np.stack([np.cos(ANGLES), np.sin(ANGLES)])
+    reach = (points @ ways).max(axis=0)
+    return bool(reach.max() < ROUND * reach.min())
 
 
 def _looks(world: World, bodies: Sequence[int]) -> tuple[FloatArray, FloatArray]:
@@ -142,7 +154,16 @@ def _drawn(world: World, body: int) -> Iterator[tuple[FloatArray, FloatArray]]:
 
 
 def _colour(model: Any, geom: int) -> FloatArray:
-    """(3,) its material's colour, else its own; textures are not read."""
-    material = model.geom_matid[geom]
-    rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
-    return np.array(rgba[:3], dtype=np.float64)
+    """(3,) the mean of its texture at its vertices, else its material's colour, else its own."""
+    material, mesh = int(model.geom_matid[geom]), int(model.geom_dataid[geom])
+    if material < 0:
+        return np.array(model.geom_rgba[geom][:3], dtype=np.float64)
+    texture = next((int(i) for i in np.ravel(model.mat_texid[material]) if i >= 0), -1)
+    if texture < 0 or mesh < 0 or not model.mesh_texcoordnum[mesh]:
+        return np.array(model.mat_rgba[material][:3], dtype=np.float64)
+    first, size = model.mesh_texcoordadr[mesh], (model.tex_height[texture], model.tex_width[texture], -1)
+    u, v = model.mesh_texcoord[first : first + model.mesh_texcoordnum[mesh]].T % 1.0
+    begin, depth = model.tex_adr[texture], model.tex_nchannel[texture]
+    image = model.tex_data[begin : begin + size[0] * size[1] * depth].reshape(size)[..., :3]
+    seen = image[(v * (size[0] - 1)).astype(int), (u * (size[1] - 1)).astype(int)]
+    return np.asarray(seen.mean(axis=0) / 255.0)

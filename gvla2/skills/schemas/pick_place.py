@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import CLEAR
-from gvla2.planning.scene import ROUND, SceneObject
+from gvla2.planning.scene import ROUND, SIDES, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard, Trajectory
 from gvla2.skills.grasps import grasps
@@ -30,13 +30,6 @@ FLOOR = 0.01
 """Assumed thickness of a container's floor that was not seen, metres."""
 ALIKE = 1.15
 """An object whose sides differ by less than this factor may lie either way."""
-SIDES = {
-    "left_of": np.array([0.0, 1.0, 0.0]),
-    "right_of": np.array([0.0, -1.0, 0.0]),
-    "behind": np.array([1.0, 0.0, 0.0]),
-    "front_of": np.array([-1.0, 0.0, 0.0]),
-}
-"""Unit vectors from the goal, by relation, as the robot sees it."""
 SIDE_GAP = 0.03
 """Gap between objects put beside one another, metres: room for a finger."""
 
@@ -153,17 +146,19 @@ def _turns(job: Job) -> list[float]:
 def goal_spots(job: Job) -> list[tuple[FloatArray, str]]:
     """Spots for the theme's centre (x, y, and the support's height z), each with its description, best first."""
     table = job.scene.table_height
-    if job.target is not None:
-        return [(np.array([*job.target, table]), "there")]
     if job.goal is None:
-        raise ValueError("A goal or a target is needed to place something.")
+        if job.target is None:
+            raise ValueError("A goal or a target is needed to place something.")
+        return [(np.array([*job.target, table]), "there")]
     goal, theme = job.goal, job.theme
     if job.relation in ("on", "in", "to"):
         support = table if goal.shape == "region" else goal.top
-        return [(np.array([*(goal.centre + _share(job, goal))[:2], support]), "onto it")]
+        middle = (goal.centre + _share(job, goal))[:2] if job.target is None else job.target
+        return [(np.array([*middle, support]), "onto it")]
     spots = []
-    for side, way in SIDES.items():
+    for side in SIDES:
         if job.relation in (side, "beside", ""):
+            way = job.scene.side(side)
             # Half the diagonal of the theme, since it may be turned.
             reach = goal.half_along(way) + 0.5 * np.linalg.norm(theme.extents[:2])
             spot = goal.centre + way * (reach + SIDE_GAP)
@@ -223,7 +218,7 @@ def over_spot(job: Job, grasp: Grasp, spot: FloatArray, turn: float) -> Grasp:
     """The grasp when the theme, turned by ``turn``, is over the spot (3,) and above everything."""
     theme = job.theme
     hangs = grasp.centre[2] - theme.bottom  # from the tool down to the object's underside
-    height = min(max(job.highest, theme.bottom) + job.theta["transit_clearance"] + hangs, job.ceiling())
+    height = min(max(job.highest(spot), theme.bottom) + job.theta["transit_clearance"] + hangs, job.ceiling())
     rotation = Rotation.from_euler("z", turn)
     offset = rotation.apply(grasp.centre - theme.centre)
     over = np.array([*(spot + offset)[:2], height])
