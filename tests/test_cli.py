@@ -1,4 +1,4 @@
-"""The command line: dispatch, help at once, completion, and `gvla2 plugins`."""
+"""The command line: dispatch, help at once, and `gvla2 plugins`."""
 
 import os
 import subprocess
@@ -121,41 +121,6 @@ def test_plugins_lists_the_broken_and_exits_well(tmp_path, monkeypatch, capsys: 
     assert cli.main(["plugins"]) == 0
     out = capsys.readouterr().out
     assert "No module named 'a_module_that_is_not_there'" in out
-
-
-@pytest.mark.parametrize(
-    ("line", "expected", "unexpected"),
-    [
-        ("gvla2 ", ["run", "plugins", "doctor"], ["--help"]),
-        ("gvla2 pl", ["plugins"], ["run"]),
-        ("gvla2 run ", ["planner=", "planner.", "seed=", "depth_noise="], ["run"]),
-        ("gvla2 run planner=skill planner.lift", ["planner.lift_height="], ["planner.speed="]),
-        ("gvla2 run -m task=p", ["task=pick_and_lift", "task=push_block"], ["task=lamp_on"]),
-        ("gvla2 nonsense x", [], ["run"]),
-        ("gvla2 bench robot sui", [], ["robot"]),
-    ],
-)
-def test_completion(
-    line: str, expected: list[str], unexpected: list[str], monkeypatch, capsys: pytest.CaptureFixture[str]
-):
-    monkeypatch.setenv("COMP_LINE", line)
-    assert cli.main(["-sc", "query=bash"]) == 0
-    offered = capsys.readouterr().out.split()
-    assert set(expected) <= set(offered)
-    assert not set(unexpected) & set(offered)
-
-
-def test_the_script_completes_in_a_real_bash(tmp_path):
-    launcher = tmp_path / "gvla2"
-    launcher.write_text(f'#!/bin/sh\nexec {sys.executable} -m gvla2.cli "$@"\n')
-    launcher.chmod(0o755)
-    script = (
-        'eval "$(gvla2 -sc install=bash)"; COMP_WORDS=(gvla2 run task=push_b); COMP_CWORD=2; '
-        'COMP_LINE="gvla2 run task=push_b"; COMP_POINT=${#COMP_LINE}; hydra_bash_completion; echo "${COMPREPLY[@]}"'
-    )
-    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
-    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=environment, check=True)
-    assert done.stdout.strip() == "task=push_block"
 
 
 def test_a_sweep_is_asked_for_among_overrides(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
