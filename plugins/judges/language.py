@@ -48,17 +48,12 @@ class LlmJudge:
 
     def judge(self, pairs: Sequence[LessonPair]) -> Sequence[Judgement]:
         """A judgement per pair; failed requests are left open, with the reason."""
-        ways = (False, True) if self._config.both_ways else (False,)
-        requests = [
-            Request(_messages(pair, turned), logprobs=True, seed=0) for pair in pairs for turned in ways
-        ]
+        asked = [_messages(pair, turned) for pair in pairs for turned in (False, True)]
+        requests = [Request(messages, logprobs=True, seed=0) for messages in asked]
         answers = self._language.complete_all(requests, purpose="judge") if requests else []
-        return [
-            self._judgement(pair, answers[i * len(ways) : (i + 1) * len(ways)])
-            for i, pair in enumerate(pairs)
-        ]
+        return [self._judgement(answers[i : i + 2]) for i in range(0, len(answers), 2)]
 
-    def _judgement(self, pair: LessonPair, given: Sequence[Completion | LanguageModelError]) -> Judgement:
+    def _judgement(self, given: Sequence[Completion | LanguageModelError]) -> Judgement:
         answers = [answer for answer in given if isinstance(answer, Completion)]
         failed = next((str(answer) for answer in given if not isinstance(answer, Completion)), "")
         if failed:
