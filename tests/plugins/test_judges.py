@@ -38,9 +38,8 @@ def graded(letter: str, odds: dict[str, float] | None = None) -> dict[str, Any]:
 
 
 def judge(model: LocalModel, **options: Any) -> LlmJudge:
-    both = options.pop("both_ways", True)
     language = Endpoint(EndpointOptions(**{"base_url": model.url, "model": "m", "retries": 0, **options}))
-    return LlmJudge(LlmJudgeConfig(both_ways=both), language)
+    return LlmJudge(LlmJudgeConfig(), language)
 
 
 def by_text(request: dict[str, Any]) -> dict[str, Any]:
