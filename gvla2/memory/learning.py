@@ -33,7 +33,7 @@ from gvla2.memory.events import StoredEpisode
 from gvla2.memory.governance import govern
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.ledger import LessonLedger, OpenBank, deciding
-from gvla2.memory.records import MAX_QUERY, Record, clean, dedup_key
+from gvla2.memory.records import MAX_QUERY, Record, Trust, clean, dedup_key
 
 CHUNK = 256
 """Lessons without an episode that share a transaction."""
@@ -117,7 +117,8 @@ def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], most: in
         if wrong := invalid(lesson):
             notes.append(f"A lesson was left out: {wrong}.")
             continue
-        trust, unsure = "own" if one.own else "foreign", one.unsure.get(given.content, "")
+        trust: Trust = "own" if one.own else "foreign"
+        unsure = one.unsure.get(given.content, "")
         candidate = weigh(lesson, one.verdict, bank.options, trust=trust, ungrounded=unsure)
         key = dedup_key(lesson.type, lesson.content, episode.task.skill, lesson.effect)
         if candidate.state is None:
