@@ -97,10 +97,10 @@ def admit(bank: OpenBank, items: Sequence[JudgedEpisode]) -> Learned:
 
 
 def _weighed(
-    bank: OpenBank, judged: Sequence[JudgedEpisode], fates: list[Learned], most: int
+    bank: OpenBank, judged: Sequence[JudgedEpisode], fates: list[Learned], limit: int
 ) -> list[tuple[JudgedEpisode, list[Weighed]]]:
-    """Which lessons of each episode may be stored, ``most`` of each; embedded in one go, outside the transaction."""
-    weighed = [(one, _admitted(bank, one, fates, most)) for one in judged]
+    """Which lessons of each episode may be stored, ``limit`` of each; embedded in one go, outside the transaction."""
+    weighed = [(one, _admitted(bank, one, fates, limit)) for one in judged]
     texts = [
         (phrasings("", one.episode.task.query), candidate.lesson.content)
         for one, some in weighed
@@ -110,7 +110,7 @@ def _weighed(
     return [(one, [replace(each, vector=next(vectors)) for each in some]) for one, some in weighed]
 
 
-def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], most: int) -> list[Weighed]:
+def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], limit: int) -> list[Weighed]:
     episode, admitted, notes = one.episode, dict[str, Weighed](), list[str]()
     for given in episode.lessons:
         lesson = replace(given, content=clean(given.content, MAX_CONTENT))
@@ -123,8 +123,8 @@ def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], most: in
         key = dedup_key(lesson.type, lesson.content, episode.task.skill, lesson.effect)
         if candidate.state is None:
             notes.append(candidate.note)
-        elif key not in admitted and len(admitted) >= most:
-            notes.append(f"One episode may bring {most} lessons: the rest was left out.")
+        elif key not in admitted and len(admitted) >= limit:
+            notes.append(f"One episode may bring {limit} lessons: the rest was left out.")
         else:
             admitted.setdefault(key, replace(candidate, key=key))
     fates.append(Learned(discarded=len(episode.lessons) - len(admitted), notes=tuple(notes)))

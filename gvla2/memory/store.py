@@ -376,7 +376,7 @@ class PostgresStore(Store):
         connection.exec_driver_sql("CHECKPOINT")
 
 
-def settled(address: str, environment: Mapping[str, str]) -> str:
+def resolved_address(address: str, environment: Mapping[str, str]) -> str:
     """The absolute address to open for ``address``, since a run may change its working directory later.
 
     "" is ``memory.db`` in ``$GVLA2_HOME``, else in ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``.
