@@ -17,7 +17,7 @@ from gvla2.skills.multi_step import is_container
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.grounding import Context, UngroundedError, ground, section, several
-from gvla2_plugins.skill.reading import Command, Noun, Reading, UnreadableError, readings
+from gvla2_plugins.skill.reading import ITS, Command, Noun, Reading, UnreadableError, readings
 
 ABSORBED = {"pick": {"pick", "pull", "twist"}, "pull": {"pull"}, "place": {"place"}}
 """A call of the same theme that follows one of these asks for nothing more: "pick it up and lift it"."""
@@ -163,6 +163,8 @@ def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) 
 
 def _aim(noun: Noun, theme: SceneObject, scene: Scene, context: Context) -> list[SceneObject]:
     """What a goal's phrase means: preferably not what is put there."""
+    if noun == replace(ITS, text="") and context.goal:
+        return [scene[context.goal]]
     own = frozenset({theme.id})
     others = [] if noun.number == "it" else _seen(noun, scene, context, own)
     return others or ground(noun, scene, context)

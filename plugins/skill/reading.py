@@ -287,7 +287,13 @@ class _Reader(Transformer[Token, Any]):
         return _command("PUT", (replace(ITS, text=""),), [Tree("place_of", children[1:])])
 
     def same_again(self, children: list[Any]) -> Command:
-        return Command("", children[0], children[1])
+        themes, where = children
+        if not isinstance(where, Place):  # "... and the pudding to the right"
+            side = SIDES_OF.get(where.split()[-1])
+            if side is None:
+                raise UnreadableError(f"'{where}' cannot be read here")
+            where = Place(side, (replace(ITS, text=""),), True)
+        return Command("", themes, where)
 
     def start(self, clauses: list[Any]) -> Reading:
         read: list[Command] = []
