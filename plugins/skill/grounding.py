@@ -12,17 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gvla2.planning.colours import (
-    COLOURS,
-    DISTINCT,
-    FAMILIES,
-    NEARLY,
-    between,
-    colour_distance,
-    first_colour,
-    meant_by,
-)
-from gvla2.planning.contracts import Abstention
+from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, may_look, meant_by
+from gvla2.planning.contracts import Abstention, AbstentionKind
 from gvla2.planning.part_hierarchy import is_ajar, root_of
 from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, nearest
 from gvla2.planning.scene import Scene, SceneObject
@@ -88,9 +79,9 @@ ON_TABLE = 0.04
 class UngroundedError(Exception):
     """A phrase means no object, or none for certain; ``abstention`` says why."""
 
-    def __init__(self, abstention: Abstention) -> None:
-        super().__init__(abstention.message)
-        self.abstention = abstention
+    def __init__(self, kind: AbstentionKind, message: str, unread: bool = False) -> None:
+        super().__init__(message)
+        self.abstention = Abstention(kind, message, unread=unread)
 
 
 @dataclass(frozen=True)
@@ -127,7 +118,7 @@ def ground(
     for other in noun.besides:
         excluded = _restricted(other, _named(other.words, fits), scene, context)
         if not excluded:
-            raise UngroundedError(_nothing(other, fits, scene))
+            raise _nothing(other, fits, scene)
         fits = [o for o in fits if o not in excluded]
     *mods, head = noun.words
     said = [w for w in mods if w in EXTREMES and fits and any(w not in _label(o) for o in fits)]
@@ -136,10 +127,9 @@ def ground(
     if "other" in mods:
         fits = [o for o in fits if o.id not in (*context.themes, context.goal)] if context.themes else fits
     if not fits:
-        raise UngroundedError(_nothing(noun, pool, scene))
+        raise _nothing(noun, pool, scene)
     if (count := next((NUMBERS[w] for w in mods if w in NUMBERS), len(fits))) != len(fits):
-        message = f"There are {len(fits)} of '{noun.text}', not {count}."
-        raise UngroundedError(Abstention("ambiguous", message))
+        raise UngroundedError("ambiguous", f"There are {len(fits)} of '{noun.text}', not {count}.")
     plural = head not in {w for o in fits for w in _label(o)} and _singular(head) != head
     if len(fits) == 1 or noun.number == "all" or (noun.number == "the" and plural):
         return fits
@@ -156,14 +146,14 @@ def ground(
         return fits if mark else [wholes[0]]  # "on top of the drawer" where a cabinet has three
     names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in fits)
     message = f"'{noun.text}' may mean {names}; say which, by its colour or side perhaps."
-    raise UngroundedError(Abstention("ambiguous", message))
+    raise UngroundedError("ambiguous", message)
 
 
-def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> Abstention:
+def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> UngroundedError:
     seen = ", ".join(sorted(o.label for o in scene.objects)) or "nothing"
     partly = any(_heads(noun.words, o, level) for level in range(3) for o in pool)
-    return Abstention(
-        "nothing_matches", f"Nothing here is '{noun.text}'; the scene has: {seen}.", unread=partly
+    return UngroundedError(
+        "nothing_matches", f"Nothing here is '{noun.text}'; the scene has: {seen}.", partly
     )
 
 
@@ -173,13 +163,11 @@ def _antecedents(
     """What a pronoun stands for; where nothing was named before, the only object that can be moved."""
     named = [o for o in scene.objects if o.id in context.themes]
     if noun.text == "them" and len(named) == 1 and context.goal:
-        raise UngroundedError(
-            Abstention("ambiguous", "'them' may be what was put there, with what it is on.")
-        )
+        raise UngroundedError("ambiguous", "'them' may be what was put there, with what it is on.")
     wholes = [o for o in pool if not o.parent and o.shape != "region"]
     if named or len(wholes) == 1:
         return named or wholes
-    raise UngroundedError(Abstention("ambiguous", f"What '{noun.text}' stands for is not said."))
+    raise UngroundedError("ambiguous", f"What '{noun.text}' stands for is not said.")
 
 
 # Words
@@ -265,11 +253,9 @@ def _true(mods: Sequence[str], obj: SceneObject, pool: Sequence[SceneObject]) ->
     """The adjectives that are a colour, if all others are true of an object, or of its whole; None if one is not."""
     label = _label(obj)
     whole = [w for o in pool if o.id == obj.parent for w in _label(o) if w not in COLOURS]
-    rest = [w for w in mods if not any(_same(w, own) for own in (*label, *whole)) and w not in LOOSE]
-    rest = [w for w in rest if w not in NUMBERS and STATES.get(w, "") != is_ajar(obj)]
-    other_material = MATERIALS & set(label)
-    rest = [w for w in rest if w not in MATERIALS or other_material]
-    rest = [w for w in rest if w not in EXTREMES]
+    idle = {*LOOSE, *NUMBERS, *EXTREMES, *(() if MATERIALS & set(label) else MATERIALS)}
+    rest = [w for w in mods if w not in idle and not any(_same(w, own) for own in (*label, *whole))]
+    rest = [w for w in rest if STATES.get(w, "") != is_ajar(obj)]
     if not rest:
         return ()
     found = first_colour(rest)
@@ -298,12 +284,11 @@ def _coloured(
     own = _seen_as(colour, [o for o, _ in seen], pool)
     if own or not plain:
         return own
-    near = COLOURS.get(colour)
-    doubt = near is None or any(colour_distance(near, o.rgb) < DISTINCT for o, _ in seen)
-    return [] if doubt else plain
+    return [] if any(may_look(colour, o.rgb) for o, _ in seen) else plain
 
 
 def _seen_as(colour: str, objects: Sequence[SceneObject], pool: Sequence[SceneObject]) -> list[SceneObject]:
+    """The objects that look like a colour."""
     colour = FAMILIES[colour][0] if colour not in COLOURS and len(FAMILIES[colour]) == 1 else colour
     name = meant_by(colour, (o.colour for o in objects))
     own = [o for o in objects if name and o.colour == name]
@@ -320,9 +305,7 @@ def _seen_as(colour: str, objects: Sequence[SceneObject], pool: Sequence[SceneOb
 
 def _owned(noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
     """The objects that a phrase's words are true of, of its owner if it names one."""
-    if noun.owner is None:
-        return _named(noun.words, pool)
-    if noun.owner is ITS and not context.themes:
+    if noun.owner is None or (noun.owner is ITS and not context.themes):
         return _named(noun.words, pool)
     head = noun.words[-1]
     if head in PACKAGES and (packed := _named((*noun.owner.words, *noun.words), pool)):

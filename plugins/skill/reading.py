@@ -249,7 +249,7 @@ class _Reader(Transformer[Token, Any]):
         if isinstance(children[0], tuple):
             (relation, goal), noun = children
             side = SIDES_OF.get(" ".join(noun.words).removesuffix(" side"), "")
-            if noun.owner is not None and side and relation in ("to", "on"):
+            if noun.owner is not None and side and relation == "to":
                 return Place(side, (noun.owner,))  # "to the stove's front"
             return Place(relation, (noun,), goal)
         return Place("between", tuple(children[1:]))
@@ -289,10 +289,9 @@ class _Reader(Transformer[Token, Any]):
     def same_again(self, children: list[Any]) -> Command:
         themes, where = children
         if not isinstance(where, Place):  # "... and the pudding to the right"
-            side = SIDES_OF.get(where.split()[-1])
-            if side is None:
+            if where.split()[-1] not in SIDES_OF:
                 raise UnreadableError(f"'{where}' cannot be read here")
-            where = Place(side, (replace(ITS, text=""),), True)
+            where = Place(SIDES_OF[where.split()[-1]], (replace(ITS, text=""),), True)
         return Command("", themes, where)
 
     def start(self, clauses: list[Any]) -> Reading:
