@@ -14,7 +14,7 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
 from gvla2.plugins.registry import load_plugins
-from gvla2.reconstruction.branch import BranchParts, refine_geometry
+from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 
 # A mallet, one unit long, seen by five cameras that look at it from all around.
 head = trimesh.creation.cylinder(radius=0.17, height=0.62, sections=40)
@@ -53,7 +53,7 @@ g0 = replace(
     gaussians=carved.gaussians.with_centres(drifted(carved.gaussians.centres)),
     mesh=carved.mesh.with_vertices(drifted(carved.mesh.vertices)),
 )
-chosen = BranchParts(*(parts[kind] for kind in ("prior", "axis", "fusion", "renderer")))
+chosen = BranchComponents(*(parts[kind] for kind in ("prior", "axis", "fusion", "renderer")))
 refined = refine_geometry(g0, views, chosen)
 for stage in refined.stages:
     print(f"  {stage.stage:<11} {stage.status:<9} {stage.reason}")

@@ -22,8 +22,6 @@ COMMANDS = {
     "doctor": "check this installation, list data sets, and say how to get what is missing",
 }
 """Sub-commands and what they do."""
-HYDRA = ("run", "reconstruct", "bench", "report", "calibrate")
-"""The commands that Hydra configures."""
 
 
 def run_command(command: str, argv: list[str]) -> int:
@@ -92,8 +90,6 @@ def _dispatch(arguments: list[str]) -> int:
 
         print(f"gvla2 {__version__}")
         return 0
-    if command in ("--shell-completion", "-sc"):
-        return _complete(rest)
     if command not in COMMANDS:
         from gvla2.errors import did_you_mean
 
@@ -101,21 +97,6 @@ def _dispatch(arguments: list[str]) -> int:
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
         return 2
     return run_command(command, rest)
-
-
-def _complete(arguments: list[str]) -> int:
-    """Hydra's ``--shell-completion``: ``install=SHELL``, ``uninstall=SHELL`` or ``query=SHELL``.
-
-    A query has the line so far in COMP_LINE. Its first word completes to a command here, overrides by Hydra.
-    """
-    name, _, rest = os.environ.get("COMP_LINE", "").partition(" ")
-    command, space, rest = rest.lstrip().partition(" ")
-    if command not in HYDRA and "".join(arguments).startswith("query="):
-        print("" if space else "\n".join(each for each in COMMANDS if each.startswith(command)))
-        return 0
-    before, _, last = rest.rpartition(" ")
-    os.environ["COMP_LINE"] = " ".join([name, *(word for word in before.split() if "=" in word), last])
-    return run_command(command if command in HYDRA else "run", ["--shell-completion", *arguments])
 
 
 def usage() -> str:
@@ -133,8 +114,6 @@ Commands:
 Options:
   -h, --help             this text; `gvla2 <command> --help` explains a command
   -V, --version          the version
-  -sc install=bash|zsh|fish
-                         print a completion script for your shell: eval "$(gvla2 -sc install=bash)"
 
 Examples:
   gvla2 run task=push_block seed=3

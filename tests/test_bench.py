@@ -192,8 +192,8 @@ def test_the_doctor_says_which_data_are_here_and_how_to_get_the_others(tmp_path,
     (tmp_path / "gso30" / "toy" / "render_mvs_25" / "model").mkdir(parents=True)
     (tmp_path / "gso30" / "toy" / "render_mvs_25" / "model" / "000.png").write_bytes(b"")
     checks = {check.name: check for check in doctor.data()}
-    assert checks["data gso30"].found.startswith(f"1 objects in {tmp_path / 'gso30'} (CC BY 4.0")
-    assert checks["LPIPS weights"].advice == "python -m gvla2.evaluation.lpips"
+    assert checks["data gso30"].found == f"1 objects in {tmp_path / 'gso30'}"
+    assert checks["LPIPS weights"].advice == "scripts/fetch_lpips"
 
 
 @pytest.mark.parametrize(

@@ -70,6 +70,7 @@ def config_for(parts: Registry, tmp_path: Path, **changes) -> PerceptionBench:
         "episodes": 1,
         "robot": choice("robot", "sapien_panda", image_size=192),
         "camera": choice("camera", "none"),
+        "perceiver": choice("perceiver", "classical"),
         "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),
         "workers": 1,
         "quiet": True,
@@ -89,10 +90,9 @@ def test_a_layout_is_a_row_with_its_objects_and_is_measured_once(parts, tmp_path
     assert row["seconds"] > 0
     assert {obj["object"] for obj in row["seen"]} == {"cup_0", "cup_1"}
     for obj in row["seen"]:
-        assert all((obj["found"], obj["label"], obj["colour"]))
-        assert 0.8 < obj["iou"] <= 1
+        assert all((obj["found"], obj["named"]))
         assert 0 <= obj["centre_mm"] < 6
-        assert 0 <= obj["extent_mm"] < 12
+        assert 0 <= obj["side_mm"] < 12
     assert "pickup_cup" in (tmp_path / "first" / "index.html").read_text()
 
     assert run_bench(config, parts, tmp_path / "second") == 1
@@ -103,11 +103,15 @@ def test_a_layout_is_a_row_with_its_objects_and_is_measured_once(parts, tmp_path
 
 
 def test_a_perceivers_errors_are_measured(parts, tmp_path):
-    config = config_for(
-        parts, tmp_path, perceivers=["oracle", "half", "blind"], perceiver=OwnConfig(name="half", shift=0.004)
-    )
-    assert run_bench(config, parts, tmp_path / "out") == 1
-    rows = {row["perceiver"].partition(" ")[0]: row for row in rows_of(tmp_path / "out")}
+    rows = {}
+    for name, perceiver in {
+        "oracle": parts.get("perceiver", "oracle").config(name="oracle"),
+        "half": OwnConfig(name="half", shift=0.004),
+        "blind": OwnConfig(name="blind"),
+    }.items():
+        config = config_for(parts, tmp_path, perceiver=perceiver)
+        assert run_bench(config, parts, tmp_path / name) == 1
+        (rows[name],) = rows_of(tmp_path / name)
     seen = {name: {obj["object"]: obj for obj in row["seen"]} for name, row in rows.items()}
     assert seen["oracle"]["cup_0"]["centre_mm"] == pytest.approx(0, abs=1e-3)
     assert [seen["half"][name]["found"] for name in ("cup_0", "cup_1")] == [False, True]
@@ -115,7 +119,7 @@ def test_a_perceivers_errors_are_measured(parts, tmp_path):
     assert seen["half"]["cup_1"]["centre_mm"] == pytest.approx(4, abs=0.5)
     assert not any(obj["found"] for obj in seen["blind"].values())
     assert "Too dark." in rows["blind"]["note"]
-    assert "perceiver blind" in (tmp_path / "out" / "report.md").read_text()
+    assert "perceiver blind" in (tmp_path / "blind" / "report.md").read_text()
 
 
 def test_a_layout_that_does_not_fit_is_a_failed_row(parts, tmp_path):
@@ -144,6 +148,6 @@ def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):
 
         def close(self): ...
 
-    unit = LayoutUnit(("key",), "", "pickup_cup", "blind", {}, 0, config_for(parts, tmp_path))
+    unit = LayoutUnit(("key",), "", "pickup_cup", {}, 0, config_for(parts, tmp_path))
     with pytest.raises(ConfigurationError, match="knows what each pixel shows"):
         measure_layout(unit, {"robot": Real(), "task": None, "perceiver": Blind()})

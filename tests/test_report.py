@@ -33,7 +33,12 @@ def url(tmp_path) -> str:
 
 def test_all_formats(url, tmp_path, capsys):
     assert made(ReportConfig(results=ResultsConfig(url)), tmp_path / "out") == 8
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["index.html", "report.md", "report.tex"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "index.html",
+        "report.csv",
+        "report.md",
+        "report.tex",
+    ]
     out = capsys.readouterr().out
     assert "10.50 ± 0.71" in out
     assert "-47.50 %" in out

@@ -120,10 +120,10 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     assert ran == [0, 1, 1], "what was done is not run again"
     assert re.search(r"\[0: .* is done: ", output.err)
     assert "all jobs" in output.out
-    rows = list(csv.DictReader((folder / "jobs.csv").read_text().splitlines()))
+    rows = list(csv.DictReader((folder / "report.csv").read_text().splitlines()))
     assert [row["seed"] for row in rows] == ["0", "1"]
-    assert {row["episodes"] for row in rows} == {"1"}
-    assert [Path(row["page"]).is_file() for row in rows] == [True, True]
+    assert {row["episodes"] for row in rows} == {"1.0"}
+    assert [(Path(row["folder"]) / "index.html").is_file() for row in rows] == [True, True]
     page = (folder / "index.html").read_text()
     assert page.count("episode.mp4") + page.count("before.png") >= 2
     assert len(list(folder.glob("*/memory.db"))) == 2, "each job has a bank of its own"
@@ -155,9 +155,9 @@ def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_reported
     assert cli.main(sweep) == 0
     output = capsys.readouterr()
     (folder,) = here.glob("outputs/run/*/*-sweep")
-    (row,) = csv.DictReader((folder / "jobs.csv").read_text().splitlines())
-    assert (row["episodes"], row["succeeded"], row["status"]) == ("2", "1", "ok")
-    assert row["memory_unavailable"] == "2"
+    (row,) = csv.DictReader((folder / "report.csv").read_text().splitlines())
+    assert (row["episodes"], row["succeeded"], row["status"]) == ("2.0", "1.0", "ok")
+    assert row["memory_unavailable"] == "2.0"
     assert "all jobs (memory unavailable in 2 of 2)" in " ".join(output.out.split())
     assert "memory unavailable in 2 of 2 episodes: " in output.err
     (result,) = folder.glob("*/result.json")

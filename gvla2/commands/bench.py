@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     """Run the bench into ``folder``; returns the share of cells that could be measured.
 
-    It leaves ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``. Raises
+    It leaves ``result.json``, ``index.html``, ``report.md``, ``report.tex``, ``report.csv`` and ``pictures``. Raises
     :class:`ConfigurationError` for a missing data set or component; an object that cannot be measured gives a row with
     a status, not an error.
     """

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
-import json
 import platform
 import subprocess
 import sys
@@ -39,13 +37,9 @@ def main(argv: Sequence[str]) -> int:
         "gvla2 doctor",
         description="Check this installation; the exit status is 1 if `gvla2 run` cannot work.",
     )
-    parser.add_argument("--json", action="store_true", help="the same for programs")
-    as_json = parser.parse_args(argv).json
+    parser.parse_args(argv)
     checks = examine(load_plugins())
     healthy = all(check.status != "fail" for check in checks)
-    if as_json:
-        print(json.dumps({"healthy": healthy, "checks": [dataclasses.asdict(c) for c in checks]}, indent=2))
-        return int(not healthy)
     from gvla2.commands.tables import console, row, table
 
     out, listing = console(), table("check", "status", "found")
@@ -79,33 +73,29 @@ def installed(distribution: str) -> str:
 
 def packages() -> Iterator[Check]:
     """Check gvla2's own requirements, and list the complete extras."""
-    needed = [Requirement(text) for text in requires("gvla2") or ()]
-    lacking: dict[str, list[str]] = {}
-    for extra in ("", *(metadata("gvla2").get_all("Provides-Extra") or ())):
-        own = [r for r in needed if r.name != "gvla2" and _asked_by(r, extra)]
-        lacking[extra] = [r.name for r in own if _lacks(r)]
-    missing = lacking.pop("")
+    missing = lacking("")
     if missing:
         found = f"missing or of another version: {', '.join(missing)}"
         yield Check("packages", "fail", found, "pip install gvla2")
     else:
         yield Check("packages", "ok", f"gvla2 {version('gvla2')} has all that it requires")
-    there = [extra for extra, names in lacking.items() if not names]
-    absent = [f"{extra} ({', '.join(names)})" for extra, names in lacking.items() if names]
+    extras = {extra: lacking(extra) for extra in metadata("gvla2").get_all("Provides-Extra") or ()}
+    there = [extra for extra, names in extras.items() if not names]
+    absent = [f"{extra} ({', '.join(names)})" for extra, names in extras.items() if names]
     yield Check("extras", "ok", f"installed: {', '.join(there)}; not: {', '.join(absent) or 'none'}")
 
 
-def _asked_by(requirement: Requirement, extra: str) -> bool:
-    """Whether the extra asks for it, and gvla2 without extras ("") does not."""
-    plain = requirement.marker is None or requirement.marker.evaluate({"extra": ""})
-    if not extra or plain or requirement.marker is None:
-        return plain and not extra
-    return requirement.marker.evaluate({"extra": extra})
-
-
-def _lacks(requirement: Requirement) -> bool:
-    found = installed(requirement.name)
-    return not found or not requirement.specifier.contains(found, prereleases=True)
+def lacking(extra: str) -> list[str]:
+    """The packages that an extra ("" for none) asks for and that are missing, or of another version."""
+    found = []
+    for needed in map(Requirement, requires("gvla2") or ()):
+        always = needed.marker is None or needed.marker.evaluate({"extra": ""})
+        asked = needed.marker is not None and needed.marker.evaluate({"extra": extra})
+        if needed.name != "gvla2" and (always if not extra else asked and not always):
+            there = installed(needed.name)
+            if not there or not needed.specifier.contains(there, prereleases=True):
+                found.append(needed.name)
+    return found
 
 
 def configuration(registry: Registry) -> Iterator[Check]:
@@ -171,20 +161,18 @@ def simulator(modules: Sequence[str] = SIMULATOR) -> Check:
 def data() -> Iterator[Check]:
     """Locate the data sets and weights of the benches, or say how to get them."""
     from gvla2.evaluation.datasets import SOURCES, find_items, roots
-    from gvla2.evaluation.lpips import FETCH, LICENCE, weights_path
+    from gvla2.evaluation.lpips import FETCH, weights_path
 
-    for kind, source in SOURCES.items():
-        places = [] if kind == "meshes" else roots(kind)  # your own have no place of theirs
-        filled = [items for place in places if place.is_dir() and (items := find_items(kind, place))]
+    for kind in ("ycb30", "gso30"):
+        filled = [items for place in roots(kind) if place.is_dir() and (items := find_items(kind, place))]
         if filled:
             where = f"{len(filled[0])} objects in {filled[0][0].folder.parent}"
-            yield Check(f"data {kind}", "ok", f"{where} ({source.licence})")
-        elif places:
-            looked = f"not in {', '.join(map(str, places))}"
-            advice = f"To get it, {source.how}, laid out as {source.layout} below the folder GVLA2_DATA."
-            yield Check(f"data {kind}", "warn", looked, advice)
+            yield Check(f"data {kind}", "ok", where)
+        else:
+            looked = f"not in {', '.join(map(str, roots(kind)))}"
+            yield Check(f"data {kind}", "warn", looked, f"{SOURCES[kind]}, below the folder GVLA2_DATA")
     path = weights_path()
     if path.is_file():
-        yield Check("LPIPS weights", "ok", f"{path} ({LICENCE})")
+        yield Check("LPIPS weights", "ok", str(path))
     else:
         yield Check("LPIPS weights", "warn", "absent: LPIPS is not measured", FETCH)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import logging
 import os
 import signal
@@ -12,7 +11,6 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +25,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind, register, register_resolvers
-from gvla2.plugins.kinds import KINDS, NONE, SLOTS
+from gvla2.plugins.kinds import KINDS, SLOTS
 from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.record.text import printable
 
@@ -119,11 +117,6 @@ def launch(command: str, configs: Mapping[str, type], function: JobFunction, arg
             return 2
     argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
     registry = _register(configs, configs[command])
-    if {"-h", "--help"} & set(argv):
-        suite = next((word.partition("=")[2] for word in argv if word.startswith("bench_suite=")), "")
-        schema = configs[f"bench_suite_schema/{suite}" if suite else command]
-        print_help(command, schema, registry, f"bench_suite/{suite}" if suite else command)
-        return 0
     task = HydraTask(function, registry)
     try:
         with _terminable(), _command_line(f"gvla2 {command}", argv):
@@ -145,39 +138,6 @@ def launch(command: str, configs: Mapping[str, type], function: JobFunction, arg
     except Exception as error:
         return report(error, registry)
     return 0
-
-
-def print_help(command: str, schema: type, registry: Registry, chosen: str) -> None:
-    """Print the options of a command's dataclass, and the components to choose: Hydra's own help composes for a second.
-
-    ``chosen`` is the configuration file with the default components.
-    """
-    from gvla2.commands.plugins import options
-    from gvla2.commands.tables import console, row, table
-
-    def read(name: str) -> Any:
-        return OmegaConf.create((files(CONFIG_MODULE) / f"{name}.yaml").read_text(encoding="utf-8"))
-
-    words, out = read(command).hydra.help, console()
-    defaults = {name: kind.default for name, kind in registry.kinds.items()} | dict.fromkeys(SLOTS, NONE)
-    for entry in read(chosen).defaults:
-        if isinstance(entry, DictConfig):
-            defaults |= {str(key).lstrip("/"): str(name) for key, name in entry.items()}
-    about = (inspect.getdoc(schema) or "").replace("``", "`")
-    out.print(f"{words.header}\n\n{about}", markup=False)
-    listing = table("option", "type", "default")
-    for option in options(schema):
-        if not option.name.endswith(".name"):
-            row(listing, option.name, option.type, option.default)
-    out.print(listing)
-    names = {field.name for field in fields(schema)}
-    listing = table("component", "default", "choices")
-    for name in registry.groups:
-        if name in names or issubclass(schema, EveryKind):
-            row(listing, name, defaults[name], ", ".join(registry.components(name)))
-    if listing.row_count:
-        out.print(listing)
-    out.print(words.footer, markup=False)
 
 
 def composed(

@@ -52,7 +52,6 @@ def main(argv: Sequence[str]) -> int:
     )
     parser.add_argument("kind", nargs="?", default="", metavar="KIND")
     parser.add_argument("name", nargs="?", default="", metavar="NAME")
-    parser.add_argument("--json", action="store_true", help="the same for programs")
     asked = parser.parse_args(argv)
     registry = load_plugins()
     try:
@@ -61,15 +60,6 @@ def main(argv: Sequence[str]) -> int:
     except ConfigurationError as error:
         print(f"gvla2: {printable(str(error))}", file=sys.stderr)
         return 2
-    if asked.json:
-        catalog = {
-            "components": {kind: [*map(_offer_json, found)] for kind, found in offers.items()},
-            "skills": [_skill_json(registry, skill) for skill in skills],
-            "plugins": [dataclasses.asdict(plugin) for plugin in registry.plugins],
-            "problems": [dataclasses.asdict(problem) for problem in registry.problems],
-        }
-        print(json.dumps(catalog, indent=2))
-        return 0
     out = console()
     if offers:
         listing = table("kind", "choice", "what it is", "from")
@@ -173,28 +163,3 @@ def _print_skills(registry: Registry, skills: Sequence[Skill], *, details: bool)
 
 def _origin(plugin: Plugin) -> str:
     return f"{plugin.name} ({plugin.origin})" if plugin.origin else plugin.name
-
-
-def _offer_json(offer: Offer) -> dict[str, Any]:
-    component = offer.component
-    return {
-        "name": component.name,
-        "summary": component.summary,
-        "plugin": dataclasses.asdict(offer.plugin),
-        "needs": list(component.needs),
-        "options": [dataclasses.asdict(option) for option in options(component.config)],
-    }
-
-
-def _skill_json(registry: Registry, skill: Skill) -> dict[str, Any]:
-    return {
-        "name": skill.name,
-        "signature": skill.signature(),
-        "description": skill.description,
-        "plugin": registry.skills_offered[skill.name][1].name,
-        "roles": [dataclasses.asdict(role) for role in skill.roles],
-        "parameters": [
-            {"name": p.name, "unit": p.unit, "meaning": p.meaning, "range": [p.least, p.most]}
-            for p in skill.parameters
-        ],
-    }

@@ -111,7 +111,7 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
 
     Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
     """
-    from gvla2.reconstruction.branch import BranchParts, refine_geometry
+    from gvla2.reconstruction.branch import BranchComponents, refine_geometry
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction import STATES, ReconstructionRecord, ReconstructionRecorder, summary_line
     from gvla2.record.reconstruction_measures import measure
@@ -129,7 +129,7 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
             g0 = _checked(built["reconstructor"].reconstruct(views), config, registry)
         steps.report("reconstruct", _sizes(g0), warn=g0.status != "ok")
         with steps.step("refine"):
-            chosen = BranchParts(*(built[kind] for kind in ("prior", "axis", "fusion", "renderer")))
+            chosen = BranchComponents(*(built[kind] for kind in ("prior", "axis", "fusion", "renderer")))
             result = refine_geometry(g0, views, chosen, config.branch)
             stages = tuple(_with_unused_prior(stage, config, views) for stage in result.stages)
             result = replace(result, stages=stages)

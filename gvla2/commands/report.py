@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gvla2.evaluation.tables import Sheet
     from gvla2.plugins.registry import Registry
 
-FORMATS = ("terminal", "markdown", "latex", "html")
+FORMATS = ("terminal", "markdown", "latex", "csv", "html")
 
 
 @dataclass
@@ -98,7 +98,7 @@ def publish(
     """Make the suite's tables of these cells in every format asked for; returns the files written into ``folder``."""
     from gvla2.commands.tables import console
     from gvla2.evaluation.suites import report
-    from gvla2.evaluation.tables import render_report, to_latex, to_markdown
+    from gvla2.evaluation.tables import render_report, to_csv, to_latex, to_markdown
     from gvla2.io.files import write_text
 
     title, sheets = report(suite, cells)
@@ -109,6 +109,8 @@ def publish(
         written.append(write_text(folder / "report.md", to_markdown(sheets)))
     if "latex" in formats:
         written.append(write_text(folder / "report.tex", to_latex(sheets)))
+    if "csv" in formats:
+        written.append(write_text(folder / "report.csv", to_csv(cells)))
     if "html" in formats:
         page = render_report(sheets, runs, f"gvla2: {title}")
         written.append(write_text(folder / "index.html", page))

@@ -6,9 +6,7 @@ launcher ran the jobs and however the sweep ended.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
 import shlex
 import sys
@@ -26,7 +24,7 @@ from omegaconf import DictConfig, OmegaConf
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.io.files import write_json, write_text
+from gvla2.io.files import write_json
 from gvla2.plugins.kinds import NONE
 
 if TYPE_CHECKING:
@@ -214,23 +212,8 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
         results.add(number, SUITE, cells)
         stored = results.cells(SUITE, runs=[number])
         runs = results.runs(SUITE)
-    written = publish(stored, runs, SUITE, folder, ("terminal", "html"))
-    written.append(write_text(folder / "jobs.csv", _csv(rows)))
-    for file in written:
+    for file in publish(stored, runs, SUITE, folder, ("terminal", "csv", "html")):
         print(f"{file.suffix[1:]}: {file}")
-
-
-def _csv(rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> str:
-    """One line per job: its overrides, result and page."""
-    columns = list(dict.fromkeys(name for _, row in rows for name in row["overrides"]))
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["job", *columns, *_MEASURES, "status", "page"])
-    for place, row in rows:
-        overrides = [row["overrides"].get(name, "") for name in columns]
-        measures = [row.get(name, 0) for name in (*_MEASURES, "status")]
-        table.writerow([row["job"], *overrides, *measures, place / "index.html"])
-    return text.getvalue()
 
 
 def _read(file: Path) -> dict[str, Any]:

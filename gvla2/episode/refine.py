@@ -83,9 +83,9 @@ def _refined(obj: SceneObject, views: Views, components: GeometryComponents) -> 
     if g0 is None:
         return None
     # Compiled code is imported only when something is reconstructed.
-    from gvla2.reconstruction.branch import BranchParts, refine_geometry
+    from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 
-    chosen = BranchParts(components.prior, components.axis, components.fusion, components.renderer)
+    chosen = BranchComponents(components.prior, components.axis, components.fusion, components.renderer)
     return fit_box(obj, refine_geometry(g0, views, chosen, components.options).out)
 
 

@@ -20,7 +20,7 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.appearance import vertex_colours
-from gvla2.reconstruction.branch import BranchParts, refine_geometry
+from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 from gvla2.reconstruction.carving import Field, hull_field, surface_of
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Reconstructor, Renderer
 from gvla2.reconstruction.depth_evidence import camera_scale
@@ -152,7 +152,7 @@ class Drift:
 
 
 @dataclass(frozen=True)
-class AblationComponents(BranchParts):
+class AblationComponents(BranchComponents):
     """The components that a bench runs with: the branch's, and what makes G0."""
 
     reconstructor: Reconstructor

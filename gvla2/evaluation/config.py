@@ -224,14 +224,9 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
 
 @dataclass
 class PerceptionBench(SimulatedBench):
-    """Every task x perceiver of ``perceivers`` x layout; ``tasks`` are all that need no option by default."""
+    """Every task x layout; ``tasks`` are all that need no option by default."""
 
     suite: str = "perception"
-    perceivers: list[str] = field(default_factory=lambda: ["classical"])
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require((bool(self.perceivers), "perceivers must name at least one."))
 
 
 @dataclass

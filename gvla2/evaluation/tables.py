@@ -1,8 +1,10 @@
-"""Tables of results as text cells, and their forms: Markdown, LaTeX, and one self-contained HTML page."""
+"""Tables of results as text cells, and their forms: Markdown, LaTeX, CSV, and one self-contained HTML page."""
 
 from __future__ import annotations
 
 import base64
+import csv
+import io
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -162,6 +164,21 @@ _TEX = str.maketrans(
 
 def _tex(text: str) -> str:
     return text.translate(_TEX)
+
+
+def to_csv(cells: Sequence[Cell]) -> str:
+    """One line for each cell: its factors, its measures, its status, and its run's folder where it has one."""
+    rows = [
+        {**cell.factors, **cell.measures, "status": cell.status, "folder": cell.notes.get("folder", "")}
+        for cell in cells
+    ]
+    text = io.StringIO()
+    table = csv.DictWriter(
+        text, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n"
+    )
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue()
 
 
 def render_report(sheets: Sequence[Sheet], runs: Sequence[Run], title: str) -> str:

@@ -57,10 +57,12 @@ def with_parts(whole: SceneObject, body: FloatArray, parts: Sequence[MovingPart]
     turn = whole.world_from_object[:3, :3]
     found = [whole]
     for number, part in enumerate(parts):
-        obj = _part(f"{whole.id}.{number}", part.name, part.points, turn, whole)
+        handle = handle_points(part, body)
+        # Without what stands out, or the boxes of drawers one above the other would hide each other's handles.
+        flush = part.points[part.points @ part.joint.axis < _front(part, body) + STANDS_OUT]
+        obj = _part(f"{whole.id}.{number}", part.name, flush if len(handle) else part.points, turn, whole)
         obj = replace(obj, joint=part.joint, opening=_opening(part, turn))
         found.append(obj)
-        handle = handle_points(part, body)
         if len(handle):
             bar = _part(f"{obj.id}.handle", f"{part.name} handle", handle, turn, obj)
             found.append(replace(bar, shape="bar"))
@@ -75,11 +77,15 @@ def handle_points(part: MovingPart, body: FloatArray) -> FloatArray:
     if not joint.slides or not len(body) or abs(joint.axis[2]) > 0.5:
         return np.zeros((0, 3))
     along = part.points @ joint.axis
-    front = float((body @ joint.axis).max()) + joint.position
     outer = float(along.max())
-    if outer < front + STANDS_OUT:
+    if outer < _front(part, body) + STANDS_OUT:
         return np.zeros((0, 3))
     return part.points[along > outer - BAR]
+
+
+def _front(part: MovingPart, body: FloatArray) -> float:
+    """Coordinate along a sliding part's way of the front of its whole, ``body`` (N, 3), moved as far as the part."""
+    return float((body @ part.joint.axis).max(initial=-np.inf)) + part.joint.position
 
 
 def _opening(part: MovingPart, turn: FloatArray) -> float:

@@ -131,6 +131,16 @@ class SceneObject:
         """(8, 3) corners of the oriented box in the world, metres."""
         return transform_points(self.world_from_object, box_corners(self.extents))
 
+    def outline(self) -> FloatArray:
+        """(N, 3) points around the box, or the cylinder in it if it is round, 5 mm apart in height, world metres."""
+        angles = 2 * np.pi * np.arange(24) / 24
+        ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        if self.shape not in ROUND:
+            ring = ring / np.abs(ring).max(axis=1, keepdims=True)
+        heights = np.linspace(-1.0, 1.0, 2 + int(self.extents[2] / 0.005))
+        local = np.column_stack([np.tile(ring, (len(heights), 1)), np.repeat(heights, len(ring))])
+        return transform_points(self.world_from_object, 0.5 * self.extents * local)
+
     def distances(self, points: ArrayLike) -> FloatArray:
         """(...,) how far world points (..., 3) lie outside the oriented box, metres; 0 inside."""
         local = np.abs(transform_points(invert_rigid(self.world_from_object), points))

@@ -19,6 +19,10 @@ if TYPE_CHECKING:  # `gvla2 plugins` lists skills without numpy
 
 TABLE_GAP = 0.004
 """Least height of the fingertips above the table, metres: about twice a depth camera's error."""
+ON_WAY = 0.03
+"""Gap within which an object beside what is carried is on its way, metres."""
+NEIGHBOURS = 0.002
+"""Objects nearer than this to the theme may touch it, metres."""
 EMPTY = 0.001
 """Fingers this close hold nothing, metres."""
 
@@ -98,10 +102,20 @@ class Job:
 
         return way_out(self.theme, self.scene)
 
-    @cached_property
-    def highest(self) -> float:
-        """Height of the highest object except the theme and its parts, or of the table, metres."""
-        return max((o.top for o in self.scene.obstacles(self.own)), default=self.scene.table_height)
+    def highest(self, spot: FloatArray) -> float:
+        """Height of the highest object on the way to a spot (3,), except the theme and its parts, or of the table,
+        metres.
+        """
+        start, way = self.theme.centre[:2], spot[:2] - self.theme.centre[:2]
+        aside = 0.5 * float(max(self.theme.extents[:2].max(), self.hand.palm_breadth)) + ON_WAY
+        found = [self.scene.table_height]
+        for obj in self.scene.obstacles(self.own):
+            along = float((obj.centre[:2] - start) @ way) / max(float(way @ way), 1e-9)
+            nearest = start + min(1.0, max(0.0, along)) * way
+            ends = [*start, obj.centre[2]], [*nearest, obj.centre[2]], [*spot[:2], obj.centre[2]]
+            if float(obj.distances(ends).min()) < aside:
+                found.append(obj.top)
+        return max(found)
 
     # Cached: dozens of proposals ask for the same.
     @cached_property
@@ -115,7 +129,11 @@ class Job:
         from gvla2.planning.part_hierarchy import holders
 
         held = [self.scene.family(holder.id) for holder in holders(self.theme, self.scene)]
-        return frozenset({"table"}).union(*held)
+        outline = self.theme.outline()
+        touching = {
+            o.id for o in self.scene.obstacles(self.own) if float(o.distances(outline).min()) < NEIGHBOURS
+        }
+        return frozenset({"table"} | touching).union(*held)
 
     def lowest_tcp(self) -> float:
         """The lowest height of the tool, pointing down, with the fingertips above the table, metres."""

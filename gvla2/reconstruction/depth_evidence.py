@@ -27,17 +27,17 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.contracts import GeometryEstimate
-from gvla2.reconstruction.depth_looks import (
+from gvla2.reconstruction.depth_samples import (
     KNOTS,
     LOW,
     UNKNOWNS,
-    Look,
-    LookDesign,
+    DepthSamples,
+    DesignRows,
     Pairs,
-    linked,
-    look_at,
+    matched_pairs,
+    sample_view,
     surface_normals,
-    turned,
+    with_corrected_normals,
 )
 from gvla2.reconstruction.sim3 import scale_between
 from gvla2.reconstruction.support import mask_of
@@ -88,20 +88,20 @@ def align(
     """
     views, ends = seen.views, seen.hull_interval
     each = zip(views, seen.rays, depth, solid, *ends, caps, strict=True)
-    looks = [look_at(s, *of_view) for s, of_view in enumerate(each)]
-    theta = np.zeros((len(looks), UNKNOWNS))
-    for s, look in enumerate(looks):
-        if look is not None:
-            theta[s, 0] = look.scale_within_hull()
+    sampled = [sample_view(s, *of_view) for s, of_view in enumerate(each)]
+    theta = np.zeros((len(sampled), UNKNOWNS))
+    for s, one in enumerate(sampled):
+        if one is not None:
+            theta[s, 0] = one.scale_within_hull()
     pixel = float(np.median([1 / view.camera.K[0, 0] for view in views]))
     sigma, gate, field, tilt = 0.02, GATE, STILL, TILT
     covariance, rows = np.eye(theta.size), 0
     for number in range(ROUNDS):
         if 0 < number <= STIFF:
-            looks = [None if look is None else turned(look, theta) for look in looks]
+            sampled = [None if one is None else with_corrected_normals(one, theta) for one in sampled]
         spread = np.concatenate([[SCALE, tilt, tilt, RELIEF], np.full(UNKNOWNS - LOW, field)])
-        pairs = linked(looks, theta, gate)
-        theta, covariance = _Problem(looks, pairs, sigma, max(pixel, sigma), spread).solved(theta)
+        pairs = matched_pairs(sampled, theta, gate)
+        theta, covariance = _Problem(sampled, pairs, sigma, max(pixel, sigma), spread).solved(theta)
         if pairs is None:
             break
         rows, gaps = len(pairs.at), pairs.gaps(theta)[0]
@@ -114,26 +114,30 @@ def align(
         tilt = float(np.sqrt(moment[:, 1:3].mean()))
         gate = float(np.clip(5 * left, 4 * pixel, GATE))
     # Rows that share a knot share an error, and count once.
-    covariance = covariance * max(1.0, rows / (len(looks) * KNOTS * KNOTS))
-    return _corrected(depth, looks, theta, covariance, sigma)
+    covariance = covariance * max(1.0, rows / (len(sampled) * KNOTS * KNOTS))
+    return _corrected(depth, sampled, theta, covariance, sigma)
 
 
 def _corrected(
-    depth: FloatArray, looks: Sequence[Look | None], theta: FloatArray, covariance: FloatArray, sigma: float
+    depth: FloatArray,
+    sampled: Sequence[DepthSamples | None],
+    theta: FloatArray,
+    covariance: FloatArray,
+    sigma: float,
 ) -> Aligned:
     corrected, std = np.full(depth.shape, np.nan), np.full(depth.shape, np.nan)
-    for s, look in enumerate(looks):
-        if look is None:
+    for s, one in enumerate(sampled):
+        if one is None:
             continue
         known = np.isfinite(depth[s])
         log = np.log(depth[s][known])
-        design = look.basis.at(look.camera.pixel_centres()[known], log)
+        design = one.basis.at(one.camera.pixel_centres()[known], log)
         corrected[s][known] = np.exp(log + design @ theta)
         std[s][known] = np.sqrt(_variances(design.columns, design.values, covariance) + sigma**2)
     return Aligned(corrected, std)
 
 
-Rows = tuple[FloatArray, float, LookDesign]
+Rows = tuple[FloatArray, float, DesignRows]
 """Residuals (N,), the square of the Cauchy loss's width, and their slopes."""
 
 
@@ -146,15 +150,15 @@ class _Problem:
 
     def __init__(
         self,
-        looks: Sequence[Look | None],
+        sampled: Sequence[DepthSamples | None],
         pairs: Pairs | None,
         sigma: float,
         edge: float,
         spread: FloatArray,
     ) -> None:
-        self._looks = [look for look in looks if look is not None]
+        self._sampled = [one for one in sampled if one is not None]
         self._pairs, self._sigma, self._edge = pairs, np.sqrt(2) * sigma, edge
-        self._spread = np.tile(spread, len(looks))
+        self._spread = np.tile(spread, len(sampled))
 
     def solved(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The likeliest theta near the given one, and its covariance (S P, S P)."""
@@ -176,16 +180,16 @@ class _Problem:
     def _rows(self, theta: FloatArray) -> Iterator[Rows]:
         if self._pairs is not None:
             gaps, slopes = self._pairs.gaps(theta)
-            yield gaps / self._sigma, CAUCHY**2, LookDesign(slopes.columns, slopes.values / self._sigma)
-        for look in self._looks:
-            now = look.at + look.design @ theta
+            yield gaps / self._sigma, CAUCHY**2, DesignRows(slopes.columns, slopes.values / self._sigma)
+        for one in self._sampled:
+            now = one.at + one.design @ theta
             # Little may lie before the hull's front, much behind it.
-            behind = np.maximum(BEHIND * (look.farthest - look.nearest), self._edge) / DRAW
-            width = np.where(now < look.nearest, self._edge, behind)
-            yield (now - look.nearest) / width, 1.0, look.design.scaled(1 / width)
-            past = np.maximum(now - look.farthest, 0) / self._edge
-            yield past, 1.0, look.design.scaled((past > 0) / self._edge)
-            at, design, cap = look.capped
+            behind = np.maximum(BEHIND * (one.farthest - one.nearest), self._edge) / DRAW
+            width = np.where(now < one.nearest, self._edge, behind)
+            yield (now - one.nearest) / width, 1.0, one.design.scaled(1 / width)
+            past = np.maximum(now - one.farthest, 0) / self._edge
+            yield past, 1.0, one.design.scaled((past > 0) / self._edge)
+            at, design, cap = one.capped
             past = np.maximum(at + design @ theta - cap, 0) / self._edge
             yield past, 1.0, design.scaled((past > 0) / self._edge)
 
@@ -234,10 +238,10 @@ def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatA
 
 @compiled
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """Of a positive definite matrix, by Gauss and Jordan.
+    """Invert a positive definite matrix by Gauss-Jordan elimination.
 
-    So small a matrix gains nothing from the threads of numpy's, which wait for one another busily: with other work on
-    the cores they take a hundred times as long.
+    Matrices this small gain nothing from numpy's threads, which wait for one another busily: with other work on the
+    cores they take a hundred times as long.
     """
     inverse, size = matrix.copy(), len(matrix)
     for k in range(size):
@@ -306,7 +310,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
     jump = EDGE * float(np.linalg.norm(np.ptp(seen.hull_surface.vertices, axis=0)))
     rough = np.array([_first_scale(d, f) for d, f in zip(depth, front, strict=True)])
     usable = np.isfinite(rough)
-    caps = nearest_needed(np.zeros((0, 3)) if needed is None else needed, views)
+    caps = depth_caps(np.zeros((0, 3)) if needed is None else needed, views)
     if not usable.any():
         raise GeometryError("The prior's depth and the visual hull have no pixel in common.")
     depth = np.where(usable[:, None, None], depth * rough[:, None, None], np.nan)
@@ -317,7 +321,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         refuted = np.zeros(depth.shape, dtype=np.bool_)
     else:
         solid = solid_pixels(depth, jump)
-        aligned, refuted = doubted(align(depth, solid, seen, caps), solid, caps)
+        aligned, refuted = refute_by_caps(align(depth, solid, seen, caps), solid, caps)
     believed = _within_hull(aligned, front, back)
     normals = np.stack([surface_normals(d, r) for d, r in zip(believed, seen.rays, strict=True)])
     refuted |= looked_through(believed, aligned.std, seen)
@@ -338,7 +342,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
     )
 
 
-def nearest_needed(needed: FloatArray, views: Views) -> FloatArray:
+def depth_caps(needed: FloatArray, views: Views) -> FloatArray:
     """(S, H, W) depth of the nearest of the points (N, 3) on each pixel, NaN where there is none."""
     caps = []
     for view in views:
@@ -350,13 +354,13 @@ def nearest_needed(needed: FloatArray, views: Views) -> FloatArray:
     return np.stack(caps)
 
 
-def doubted(
+def refute_by_caps(
     aligned: Aligned, solid: NDArray[np.bool_], caps: FloatArray
 ) -> tuple[Aligned, NDArray[np.bool_]]:
-    """Depth with the doubt that masks cast on it, and the pixels (S, H, W) that they refute.
+    """Depth with the error that its caps reveal, and the pixels (S, H, W) that they refute.
 
-    How far a view's solid pixels still lie behind their ``caps`` is error that the views have not seen of one another:
-    it adds to the view's own. Pixels clearly behind a cap, and their neighbours, fly or belong to another surface.
+    How far a view's solid pixels lie behind their ``caps`` is error that the other views did not reveal: it adds to the
+    view's own. Pixels clearly behind a cap, and their neighbours, fly or belong to another surface.
     """
     with np.errstate(invalid="ignore"):
         behind = np.log(aligned.depth / caps)
@@ -431,7 +435,7 @@ def _checked(estimate: GeometryEstimate, views: Views) -> tuple[FloatArray, Floa
 
 
 def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
-    """From the prior's unit to metres, by its cameras; 1 where it has none, or one."""
+    """Metres per unit of the prior, by its cameras; 1 if it has at most one."""
     if estimate.world_from_camera is None:
         return 1.0
     calibrated = np.stack([view.camera.world_from_camera for view in views])

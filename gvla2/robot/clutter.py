@@ -9,9 +9,9 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance
+from gvla2.planning.colours import COLOURS
 from gvla2.robot.options import TaskConfig
-from gvla2.robot.placing import planar, sample_root
+from gvla2.robot.placing import distinct, planar, sample_root
 from gvla2.robot.scan import mesh_library, scanned_body, spoken
 from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite
@@ -91,9 +91,8 @@ class Cluttered:
 
 def _kinds(layout: Layout) -> list[str]:
     """Shapes that no simple object of the task has, so that "the block" stays unique."""
-    own = {
-        b.solids[0].kind for b in layout.bodies if len(b.solids) == 1 and not b.fixed and b.solids[0].collides
-    }
+    simple = [b for b in layout.bodies if len(b.solids) == 1 and not b.fixed]
+    own = {b.solids[0].kind for b in simple if b.solids[0].collides}
     return [kind for kind in ("cylinder", "box") if kind not in own] or ["cylinder", "box"]
 
 
@@ -101,33 +100,30 @@ def _colour(rng: np.random.Generator, layout: Layout, site: TaskSite) -> str:
     """A colour word distinct from the task's colours, if any are left, and from the table."""
     shown = [solid.rgb for body in layout.bodies for solid in body.solids]
     shown += [site.table_rgb] if site.table_rgb is not None else []
-    free = [
-        name
-        for name, rgb in COLOURS.items()
-        if not shown or (colour_distance(np.array(shown), rgb) >= DISTINCT).all()
-    ]
-    names = free or list(COLOURS)
+    names = [n for n, rgb in COLOURS.items() if distinct(rgb, shown)] or list(COLOURS)
     return names[int(rng.integers(len(names), size=1)[0])]
 
 
 def _on_table(body: Body, site: TaskSite) -> Body:
     points = body_points(body, body.world_from_body)
-    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    lift = site.table_height + DROP - points[:, 2].min()
-    return replace(
-        body, world_from_body=rigid(translation=(-middle[0], -middle[1], lift)) @ body.world_from_body
-    )
+    x, y, _ = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    shift = rigid(translation=(-x, -y, site.table_height + DROP - points[:, 2].min()))
+    return replace(body, world_from_body=shift @ body.world_from_body)
 
 
-def _circle(points: FloatArray) -> tuple[float, float, float]:
-    """(x, y, radius) of a circle on the table that holds world points (N, 3), metres."""
-    flat = points[:, :2]
-    middle = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
-    return float(middle[0]), float(middle[1]), float(np.linalg.norm(flat - middle, axis=1).max())
+Circle = tuple[float, float, float]
+"""x, y and radius on the table, metres."""
 
 
-def _circles(layout: Layout) -> list[tuple[float, float, float]]:
-    """Circles (x, y, radius) on the table that the task's bodies occupy, including their joints' travel."""
+def _circle(points: FloatArray, middle: FloatArray | None = None) -> Circle:
+    """The circle about the ``middle`` (3,) of world points (N, 3) that holds them, seen from above."""
+    if middle is None:
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return float(middle[0]), float(middle[1]), float(np.linalg.norm((points - middle)[:, :2], axis=1).max())
+
+
+def _circles(layout: Layout) -> list[Circle]:
+    """Circles that the task's bodies occupy, including their joints' travel."""
     circles = [_circle(body_points(body, body.world_from_body)) for body in layout.bodies]
     for joint in layout.joints:
         points = body_points(layout[joint.child], layout[joint.child].world_from_body)
@@ -135,14 +131,13 @@ def _circles(layout: Layout) -> list[tuple[float, float, float]]:
             ends = [points + travel * np.asarray(joint.axis) for travel in joint.limits]
             circles.append(_circle(np.concatenate(ends)))
         else:
-            x, y, _ = joint.origin
-            radius = float(np.linalg.norm(points - np.asarray(joint.origin), axis=1).max())
-            circles.append((float(x), float(y), radius))
+            away = np.linalg.norm(points - joint.origin, axis=1).max()
+            circles.append((float(joint.origin[0]), float(joint.origin[1]), float(away)))
     return circles
 
 
 def _free_place(
-    rng: np.random.Generator, site: TaskSite, radius: float, taken: Sequence[tuple[float, float, float]]
+    rng: np.random.Generator, site: TaskSite, radius: float, taken: Sequence[Circle]
 ) -> FloatArray | None:
     """A place (4, 4) on the table, turned at random, clear of the circles ``taken``; None when there is none."""
     circles = np.array(taken).reshape(-1, 3)

@@ -98,7 +98,12 @@ class _Run:
     def through(self) -> ExecutionReport:
         """All waypoints, to the end or the first abort."""
         try:
-            self._start()
+            state = self._measure()
+            self.opening, self.closed_at = self._fraction(state), self.arm.forward(state.joints)
+            try:
+                self.poses = check_trajectory(self.trajectory, self.given, self.closed_at)
+            except RobotError as error:
+                raise _Abort("not_started", str(error)) from error
             for index, waypoint in enumerate(self.trajectory):
                 self.now, self.began = _begun(index, waypoint), None
                 self._carry_out(waypoint)
@@ -113,15 +118,6 @@ class _Run:
         spent = sum(r.planning_seconds + r.motion_seconds for r in self.reports)
         return ExecutionReport(tuple(self.reports), spent, tuple(self.joint_path))
 
-    def _start(self) -> None:
-        state = self._measure()
-        self.opening = self._fraction(state.gripper_width)
-        self.closed_at = self.arm.forward(state.joints)
-        try:
-            self.poses = check_trajectory(self.trajectory, self.given, self.closed_at)
-        except RobotError as error:
-            raise _Abort("not_started", str(error)) from error
-
     def _carry_out(self, waypoint: Waypoint) -> None:
         options, pose = self.options, self.poses[self.now.index]
         state = self._measure()
@@ -132,24 +128,26 @@ class _Run:
 
         samples = self._plan(waypoint, state, pose)
         self.joint_path += [tuple(row) for row in samples[:: max(1, round(0.05 / options.dt))].tolist()]
-        self._know(motion_seconds=(len(samples) - 1) * options.dt)
+        dwell = math.ceil(waypoint.dwell / options.dt)
+        self._know(motion_seconds=(len(samples) - 1 + dwell) * options.dt)
         self.began = self._measure().time
-        moved = self._follow(waypoint, samples)
-        self._moved(moved)
+        stopped = self._follow(waypoint, samples)
         state = self._measure()
-        if waypoint.dwell > 0.0:
-            state = self._stay(waypoint, state.joints if moved.stopped else samples[-1])
+        if dwell:  # the arm stays where it got to
+            still = np.tile(state.joints if stopped else samples[-1], (dwell + 1, 1))
+            self._moved(self.driver.follow(still, options.dt, self.opening))
+            state = self._measure()
         if waypoint.carries and state.gripper_width < options.empty_width:
             self.holds = False
             raise _Abort("slipped", f"'{waypoint.carries}' was lost on the way: the fingers are closed.")
         error = float(np.linalg.norm(self.arm.forward(state.joints)[:3, 3] - pose[:3, 3]))
-        if not moved.stopped and error > options.tracking_factor * waypoint.tolerance:
+        if not stopped and error > options.tracking_factor * waypoint.tolerance:
             raise _Abort("tracking", f"The tool stopped {1e3 * error:.0f} mm from its target.")
         if abs(waypoint.gripper - self.opening) > 1e-3:
             self._grip(waypoint)
 
-    def _follow(self, waypoint: Waypoint, samples: FloatArray) -> MoveResult:
-        """Move, and hold where the waypoint's guard ends the motion."""
+    def _follow(self, waypoint: Waypoint, samples: FloatArray) -> bool:
+        """Move, and hold where the waypoint's guard ends the motion: then True."""
         guard, driver, dt = waypoint.guard, self.driver, self.options.dt
         if guard is not None and isinstance(driver, GuardedDriver):
             watch = GuardWatch(guard, self.arm)
@@ -162,15 +160,8 @@ class _Run:
             moved = driver.follow(samples, dt, self.opening)
             if guard is not None:
                 self._know(message="This robot does not feel guards: the motion went on to its end.")
-        return moved
-
-    def _stay(self, waypoint: Waypoint, joints: FloatArray) -> DriverState:
-        """Keep commanding the joints (dof,) for the waypoint's dwell; returns the measurement after it."""
-        count = math.ceil(waypoint.dwell / self.options.dt)
-        self._know(motion_seconds=self.now.motion_seconds + count * self.options.dt)
-        still = np.tile(joints, (count + 1, 1))
-        self._moved(self.driver.follow(still, self.options.dt, self.opening))
-        return self._measure()
+        self._moved(moved)
+        return moved.stopped
 
     def _moved(self, moved: MoveResult) -> None:
         self._touched(moved.contacts)
@@ -181,29 +172,27 @@ class _Run:
 
     def _plan(self, waypoint: Waypoint, state: DriverState, pose: FloatArray) -> FloatArray:
         """Joint samples (T, dof) to the waypoint, checked."""
-        options, index = self.options, self.now.index
+        options, index, arm = self.options, self.now.index, self.arm
         began = time.perf_counter()
         path = self.planner.plan(
             state.joints,
             pose,
             self.world.scene,
             motion=waypoint.motion,
-            gripper=self._fraction(state.gripper_width),
+            gripper=self._fraction(state),
             attached=self.world.attached,
             allowed_contacts=waypoint.allowed_contacts,
             then=self.trajectory.straight_after(index, self.poses),
             seed=options.seed + index,
         )
-        self._know(planning_seconds=time.perf_counter() - began)
+        self._know(planning_seconds=time.perf_counter() - began, status=getattr(path, "status", "failed"))
         if isinstance(path, MotionFailure):
-            self._know(status="failed")
             raise _Abort(path.code, path.message)
-        self._know(status=path.status)
-        velocity = options.velocity_scale * self.arm.velocity_limits
-        limits = MotionLimits(velocity, np.full(self.arm.dof, options.acceleration), waypoint.speed)
+        acceleration = np.full(arm.dof, options.acceleration)
+        limits = MotionLimits(options.velocity_scale * arm.velocity_limits, acceleration, waypoint.speed)
         try:
-            samples = time_path(path.joints, options.dt, limits, self.arm.tool_positions)
-            check_samples(samples, options.dt, state.joints, self.arm.limits, self.arm.velocity_limits)
+            samples = time_path(path.joints, options.dt, limits, arm.tool_positions)
+            check_samples(samples, options.dt, state.joints, arm.limits, arm.velocity_limits)
         except RobotError as error:
             raise _Abort("diverged", str(error)) from error
         if (len(samples) - 1) * options.dt + waypoint.dwell > options.max_motion_seconds:
@@ -218,16 +207,15 @@ class _Run:
         self._touched(result.contacts)
         self.holds = result.held if closing else False
         state = self._measure()
-        if not closing:
-            return
-        self.closed_at = self.arm.forward(state.joints)
-        following = self.trajectory.waypoints[self.now.index + 1 : self.now.index + 2]
-        if any(w.carries for w in following) and state.gripper_width < self.options.empty_width:
-            self.holds = False
-            raise _Abort("slipped", "The fingers closed on nothing.")
+        if closing:
+            self.closed_at = self.arm.forward(state.joints)
+            following = self.trajectory.waypoints[self.now.index + 1 : self.now.index + 2]
+            if any(w.carries for w in following) and state.gripper_width < self.options.empty_width:
+                self.holds = False
+                raise _Abort("slipped", "The fingers closed on nothing.")
 
-    def _fraction(self, width: float) -> float:
-        return float(np.clip(width / self.arm.hand.max_width, 0.0, 1.0))
+    def _fraction(self, state: DriverState) -> float:
+        return float(np.clip(state.gripper_width / self.arm.hand.max_width, 0.0, 1.0))
 
     def _measure(self) -> DriverState:
         state = self.driver.state()
@@ -275,48 +263,40 @@ def _begun(index: int, waypoint: Waypoint) -> WaypointReport:
 
 
 class CarriedScene:
-    """A scene in which at most one object is attached to the hand.
+    """A scene in which at most one object is attached to the hand; objects whose ``parent`` it is move with it.
 
-    Parts of the carried object (those whose ``parent`` it is) move with it. ``scene`` is the hand's surroundings;
-    ``attached`` is the carried object, or None.
+    ``scene`` is the hand's surroundings; ``attached`` is the carried object, or None.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.attached: Attachment | None = None
-        self._parts: tuple[SceneObject, ...] = ()
-        self._grasped_at: FloatArray | None = None
+        self._taken: tuple[SceneObject, ...] = ()
+        self._grasped_at = np.eye(4)
 
     def carry(self, object_id: str, world_from_tcp: FloatArray) -> None:
         """Attach the object to the hand at the tool pose (4, 4) at which the fingers closed."""
         if self.attached is not None and self.attached.object.id == object_id:
             return
         self.release(world_from_tcp)
-        obj = self.scene[object_id]
-        self._grasped_at = world_from_tcp
-        self._parts = tuple(o for o in self.scene.objects if o.parent == object_id)
-        rest = tuple(o for o in self.scene.objects if o.id != object_id and o.parent != object_id)
-        self.scene = replace(self.scene, objects=rest)
+        obj, self._grasped_at = self.scene[object_id], world_from_tcp
+        self._taken = tuple(o for o in self.scene.objects if object_id in (o.id, o.parent))
+        self.scene = replace(
+            self.scene, objects=tuple(o for o in self.scene.objects if object_id not in (o.id, o.parent))
+        )
         self.attached = Attachment(obj, invert_rigid(world_from_tcp) @ obj.world_from_object)
 
     def release(self, world_from_tcp: FloatArray) -> None:
         """Release the carried object where the tool pose (4, 4) leaves it."""
-        if self.attached is None or self._grasped_at is None:
-            return
         moved = world_from_tcp @ invert_rigid(self._grasped_at)
-        left = tuple(
-            replace(
-                obj,
-                world_from_object=moved @ obj.world_from_object,
-                points=transform_points(moved, obj.points),
-                known=None
-                if obj.known is None
-                else replace(obj.known, world_from_scan=moved @ obj.known.world_from_scan),
-            )
-            for obj in (self.attached.object, *self._parts)
-        )
-        self.scene = replace(self.scene, objects=self.scene.objects + left)
-        self.attached, self._parts, self._grasped_at = None, (), None
+        left = []
+        for obj in self._taken:
+            known = obj.known and replace(obj.known, world_from_scan=moved @ obj.known.world_from_scan)
+            pose, points = moved @ obj.world_from_object, transform_points(moved, obj.points)
+            left.append(replace(obj, world_from_object=pose, points=points, known=known))
+        if left:
+            self.scene = replace(self.scene, objects=(*self.scene.objects, *left))
+        self.attached, self._taken = None, ()
 
 
 class GuardWatch:
@@ -339,17 +319,12 @@ class GuardWatch:
             self.force = max(felt, self.force or 0.0)
             if 0.0 < guard.force < felt:
                 self.reason = f"Stopped on contact: {felt:.1f} N, guarded at {guard.force:g} N."
-                return True
         if guard.stall > 0.0:
             aimed, reached = self._arm.tool_positions(np.stack([commanded, measured]))
-            lag = float(np.linalg.norm(aimed - reached))
-            if lag > guard.stall:
-                self.reason = (
-                    f"Stopped where the tool was held back by {1e3 * lag:.1f} mm, "
-                    f"guarded at {1e3 * guard.stall:g} mm."
-                )
-                return True
-        return False
+            lag, most = 1e3 * float(np.linalg.norm(aimed - reached)), 1e3 * guard.stall
+            if lag > most:
+                self.reason = f"Stopped where the tool was held back by {lag:.1f} mm, guarded at {most:g} mm."
+        return bool(self.reason)
 
 
 def check_trajectory(trajectory: Trajectory, scene: Scene, start: FloatArray) -> list[FloatArray]:

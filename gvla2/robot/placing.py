@@ -10,11 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.colours import DISTINCT, colour_distance
 from gvla2.robot.task import TaskSite
 
 TRIES = 5000
 
 T = TypeVar("T")
+Rgb = tuple[float, float, float]
 
 
 def sample_until(draw: Callable[[], T | None], what: str, tries: int = TRIES) -> T:
@@ -63,3 +65,8 @@ def in_reach(site: TaskSite, xy: FloatArray, heights: Sequence[float]) -> bool:
     """Whether the hand, pointing down, gets to ``xy`` (2,) at all ``heights`` above the table, metres."""
     top_first = sorted(heights, reverse=True)  # most likely out of reach, so checked first
     return all(site.reachable(np.array([xy[0], xy[1], site.table_height + h])) for h in top_first)
+
+
+def distinct(rgb: Rgb, others: Sequence[Rgb]) -> bool:
+    """Whether a colour is unlike all the others; each in [0, 1]."""
+    return not others or bool((colour_distance(np.array(others), rgb) >= DISTINCT).all())

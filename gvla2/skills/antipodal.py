@@ -57,7 +57,12 @@ SHALLOWEST = 0.006
 OVER = 0.35
 """How far the hand leans along its closing direction, radians; its palm is broad and meets the table soon."""
 
-WHENCE = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}
+WHENCE = {
+    "top": "from above",
+    "leaning": "from above, leaning",
+    "side": "from the side",
+    "outward": "from above, leaning outward",
+}
 FAMILIES = {"top": 0.0, "leaning": 0.08, "side": 0.2}
 """Deduction from the preference for each family of approaches."""
 

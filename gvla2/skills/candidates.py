@@ -20,6 +20,9 @@ from gvla2.planning.skill import Job, Proposal
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.64, 0.04
 """Distance to joint limits (radians), manipulability and clearance (metres) beyond which more is no better."""
 
+OVERLAP = 0.3
+"""Deduction for postures in which the arm overlaps the scene: those of the checks may differ, but seldom do."""
+
 LEAP = 2.0
 """A joint that turns further during one straight motion has changed to another posture of the arm, radians."""
 
@@ -41,7 +44,7 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
     """Rank proposals for a job by their geometry and the arm, and check the best ones in full until one passes.
 
     Score = preference + 0.2 margin to joint limits + 0.1 manipulability + 0.2 clearance, each at its worst
-    waypoint, relative to a comfortable value and capped there.
+    waypoint, relative to a comfortable value and capped there; less if the arm overlaps the scene.
     If the request has rejections, the first candidate that passes is skipped: it was the previous answer. Reserve
     proposals are ranked separately if none of the others passed.
 
@@ -57,12 +60,14 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
     reach = _Reach(request)
     candidates: list[Candidate] = []
     unreached: dict[bytes, str] = {}
+    blocked: dict[tuple[object, ...], str] = {}  # by their first waypoints, which others may share
     passed_over = not request.rejections
     for reserve in (False, True):  # the reserve is for when nothing else is feasible
         walks = [_Walk(p, request, reach, forbidden) for p in proposals if p.reserve == reserve]
         tried = 0
         for walk in _ranked(walks):
             rejected = walk.trouble or unreached.get(walk.poses(), "")
+            rejected = rejected or next((blocked[b] for b in walk.beginnings() if b in blocked), "")
             if not rejected and tried == tries:
                 rejected = f"not checked: {tries} better ones were"
             elif not rejected:
@@ -71,6 +76,9 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
                 rejected = " ".join(report.reasons)
                 if {f.check for f in report.findings if not f.passed} == {"kinematics"}:
                     unreached[walk.poses()] = rejected  # whatever the opening of the hand
+                elif rejected:
+                    first = [f.index for f in report.findings if not f.passed and f.check == "clearance"]
+                    blocked[walk.beginnings()[min(first, default=-1)]] = rejected
                 if not rejected and not passed_over:
                     passed_over, rejected = True, "rejected by the checks: " + "; ".join(request.rejections)
             candidates.append(walk.candidate(rejected))
@@ -147,13 +155,21 @@ class _Walk:
         """All tool poses so far, as a key."""
         return b"".join(pose.tobytes() for pose in self._poses)
 
+    def beginnings(self) -> list[tuple[object, ...]]:
+        """Keys of the first 1, 2, ... of its waypoints."""
+        keys = [
+            (pose.tobytes(), w.gripper, w.motion, w.carries, w.allowed_contacts)
+            for pose, w in zip(self._poses, self.proposal.trajectory, strict=False)
+        ]
+        return [tuple(keys[: k + 1]) for k in range(len(keys))]
+
     def candidate(self, rejected: str) -> Candidate:
         """Its entry in the plan."""
         return Candidate(self.proposal.description, self.score, rejected, self.proposal.approaches)
 
     def _rate(self, margin: float, manipulability: float, room: float) -> None:
         ease = 0.2 * max(0.0, margin) / LIMIT_COMFORT + 0.1 * manipulability / EASE
-        ease += 0.2 * max(-ROOM, room) / ROOM
+        ease += 0.2 * max(-ROOM, room) / ROOM - (OVERLAP if room < 0.0 else 0.0)
         self.score = round(float(self.proposal.preference + ease), 4)
 
     def _fails(self, why: str) -> None:

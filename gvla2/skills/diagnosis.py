@@ -100,7 +100,9 @@ def of_twist(outcome: Outcome) -> Signal | None:
     If the fingers' gap changed, they slid around its corners while it stood still: its thread turns the other way.
     """
     turning = [r for r in outcome.reached if r.stage == "turn"]
-    if not turning or any(r.gripper_width <= EMPTY for r in turning) or not _in_place(outcome):
+    if outcome.theme.joint is not None or not turning or any(r.gripper_width <= EMPTY for r in turning):
+        return None  # a knob stays in place
+    if not _in_place(outcome):
         return None
     turn = outcome.plan.parameters.get("turn", 0.0)
     closed = next((r.gripper_width for r in outcome.reached if r.stage == "close"), None)

@@ -22,13 +22,15 @@ from gvla2.skills.antipodal import WHENCE, antipodal, held_between, skin_of
 from gvla2.skills.parameters import deepest
 from gvla2.skills.proposals import Grasp, horizontal
 
-LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
-"""Tilt of each family of approaches from straight down, radians: none, enough to help with the wrist's limits, and
-enough to come from the side."""
-FAMILIES = {"": ("top", "leaning", "side"), "rim": ("top",)}
-"""Families of approaches for each part: beside a wall there is no room for a leaning hand."""
+LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9, "outward": 0.6}
+"""Tilt of each family of approaches from straight down, radians: none, enough to help with the wrist's limits, enough
+to come from the side, and, over a wall, with the hand outside, as far as walls slope."""
+FAMILIES = {"": ("top", "leaning", "side"), "rim": ("top", "outward")}
+"""Families of approaches for each part: beside a wall there is no room for a hand that leans along it."""
 
 DEFAULT = GraspOptions()
+PALM_ROOM, SHALLOWEST = 0.003, 0.006
+"""Gap between the palm and a neighbour below it, and the least reach of the fingertips over an object, metres."""
 EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
 YAWS, RIM_YAWS = 8, 16
 YAW_ANGLES = np.pi * np.arange(36) / 36
@@ -129,6 +131,7 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
             grips.append((snug, ", hand opened just enough"))
         for family in FAMILIES[hold.part]:
             found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
+    found += _above_neighbours(job, found)
     if not any(inside(job.theme, holder) for holder in holders(job.theme, job.scene)):
         found = _agreeing(job, found)
     if found:
@@ -144,7 +147,8 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
 
 SQUARE = 0.9
 """Least cosine between surface and fingers if a box or can is grasped by its surface: chords of a can too wide for the
-hand, and corners of a box, would squeeze it out. Plates are exempt: their boxes say little about their outlines."""
+hand, and corners of a box, would
+squeeze it out. Exempt are plates, whose boxes say little about their outlines, and rims."""
 
 
 def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
@@ -161,7 +165,8 @@ def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
     found = [grasp for grasp in boxed if fits(grasp)]
     if job.theme.shape in ("other", "bar"):
         return [*found, *_by_surface(job)]
-    return found or _by_surface(job, 0.0 if job.theme.shape == "plate" else SQUARE) or boxed
+    rim = job.theme.shape == "plate" or job.theme.opening > 0.0
+    return found or _by_surface(job, 0.0 if rim else SQUARE) or boxed
 
 
 def _by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
@@ -172,18 +177,46 @@ def _by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
     return found
 
 
+def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:
+    """Grasps from straight above whose palm would hit lower neighbours, as high as these require."""
+    theme, hand = job.theme, job.hand
+    reach = 0.5 * (hand.palm_breadth + float(theme.extents[:2].max()))
+    palm = hand.finger_length - hand.tip_beyond_tcp  # from the tool up to it
+    near = [
+        o.top + PALM_ROOM - palm
+        for o in job.scene.obstacles(job.own)
+        if theme.top < o.top and float(o.distances([*theme.centre[:2], o.centre[2]])) < reach
+    ]
+    highest = theme.top - SHALLOWEST + hand.tip_beyond_tcp
+    higher = [min(height, highest) for height in near if height < highest + PALM_ROOM]
+    return [
+        replace(
+            grasp,
+            description=f"{grasp.description}, above its neighbours",
+            centre=np.array([*grasp.centre[:2], max(higher)]),
+            preference=grasp.preference - 0.1,
+        )
+        for grasp in found
+        if grasp.family == "top" and higher and grasp.centre[2] < max(higher)
+    ]
+
+
 def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Grasp:
     theme, theta, closing = job.theme, job.theta, hold.closing
     tilt = min(theta["approach_tilt"] + LEANS[family], 0.5 * np.pi)
     beside = np.array([-closing[1], closing[0], 0.0])  # level, across the closing direction
     if beside @ job.outward() < 0:
         beside = -beside
+    if family == "outward":  # along the closing direction instead
+        beside = np.array([*(theme.centre[:2] - hold.xy), 0.0])
+        beside = beside / np.linalg.norm(beside)
     approach = np.array([0.0, 0.0, -np.cos(tilt)]) + np.sin(tilt) * beside
     along = (theta["grasp_fraction"] - 0.5) * hold.slide
     spread = max(0.0, job.hand.tip_beyond_tcp * np.cos(tilt) + 0.5 * job.hand.finger_breadth * np.sin(tilt))
     lowest = job.lowest_tcp() - job.hand.tip_beyond_tcp + spread
     height = max(theme.top - theta["grasp_depth"], lowest)
-    centre = np.array([*hold.xy, height]) + along * beside
+    inward = theta["grasp_depth"] * np.sin(tilt) if family == "outward" else along
+    centre = np.array([*hold.xy, height]) + inward * beside
     snug = 0.1 * (opening < hold.opening)
     preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost
     how = f"grasp {WHENCE[family]}, {hold.name}{grip}"

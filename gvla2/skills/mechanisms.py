@@ -1,8 +1,9 @@
-"""Mechanisms inferred from geometry: hinged lids, sliding drawers, objects held between others, lamps.
+"""Mechanisms: hinged lids, sliding drawers, objects held between others, lamps.
 
-A flat part over a hollow one turns about one of its edges, and a part with a handle in front of an upright face slides
-along that face's normal. If nothing shows where a closed lid's hinge is, it is assumed to open towards the robot, as
-boxes are placed for someone who is to open them.
+A part with a known joint slides along its axis. Otherwise geometry decides: a flat part over a hollow one turns about
+one of its edges, and a part with a handle in front of an upright face slides along that face's normal. If nothing shows
+where a closed lid's hinge is, it is assumed to open towards the robot, as boxes are placed for someone who is to open
+them.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.part_hierarchy import is_handle, is_lid
-from gvla2.planning.scene import ROUND, Scene, SceneObject
+from gvla2.planning.scene import ROUND, Joint, Scene, SceneObject
 
 UP = np.array([0.0, 0.0, 1.0])
 LIP = 0.006
@@ -25,6 +26,8 @@ FEWEST, STRAYS = 50, 6
 """The fewest points that define an outline, and the number of outliers that are ignored."""
 SLIM = 0.02
 """Greatest thickness of a handle, metres."""
+BESIDE = 0.004
+"""Points of a drawer farther than this from its handle, across the way out, are its front's, metres."""
 BEFORE = 0.10
 """Greatest gap between a handle and the face that it belongs to, metres."""
 CLOSED = 0.15
@@ -75,18 +78,33 @@ class Hinge:
 
 @dataclass(frozen=True)
 class Slide:
-    """Something that is drawn out along ``out`` (3,), level unit, by ``handle``; ``body`` is what it slides in."""
+    """Something that is drawn out along ``out`` (3,), unit, by ``handle``; ``body`` is what it slides in. A known
+    ``joint`` says how far.
+    """
 
     body: SceneObject | None
     front: SceneObject
     handle: SceneObject
     out: FloatArray
+    joint: Joint | None = None
 
     @property
     def parts(self) -> frozenset[str]:
         """Ids of what may be touched at work on it."""
         objects = (self.body, self.front, self.handle)
         return frozenset(t.id for t in objects if t is not None)
+
+    @cached_property
+    def face(self) -> float:
+        """Coordinate along ``out`` of the face behind the handle, metres."""
+        if self.joint is not None and self.handle is not self.front:
+            local = transform_points(invert_rigid(self.handle.world_from_object), self.front.points)
+            across = np.abs(self.handle.world_from_object[:3, :3].T @ self.out) < 0.5
+            beside = (np.abs(local) > 0.5 * self.handle.extents + BESIDE)[:, across].any(axis=1)
+            if beside.any():
+                return float((self.front.points[beside] @ self.out).max())
+        objects = [o for o in (self.front, self.body) if o is not None]
+        return max(float(o.centre @ self.out) + o.half_along(self.out) for o in objects)
 
 
 def hinges(scene: Scene) -> list[Hinge]:
@@ -101,9 +119,11 @@ def hinges(scene: Scene) -> list[Hinge]:
 
 
 def slides(scene: Scene) -> list[Slide]:
-    """All handles with the fronts that they pull."""
-    found = []
-    for handle in scene.objects:
+    """All parts that are known to slide, and all handles with the fronts that they pull."""
+    known = [obj for obj in scene.objects if obj.joint is not None and obj.joint.slides]
+    found = [_known_slide(front, front.joint, scene) for front in known if front.joint is not None]
+    kin = frozenset[str]().union(*(scene.family(front.id) for front in known))
+    for handle in (obj for obj in scene.objects if obj.id not in kin):
         if handle.extents.min() > SLIM or not is_handle(handle):
             continue
         front = scene.whole_of(handle) or _behind(handle, scene)
@@ -114,6 +134,11 @@ def slides(scene: Scene) -> list[Slide]:
         if out is not None:
             found.append(Slide(body, front, handle, out))
     return found
+
+
+def _known_slide(front: SceneObject, joint: Joint, scene: Scene) -> Slide:
+    handle = next((part for part in scene.parts_of(front.id) if is_handle(part)), front)
+    return Slide(scene.whole_of(front), front, handle, joint.axis, joint)
 
 
 def hinge_of(lid: SceneObject, body: SceneObject | None, scene: Scene) -> Hinge:
@@ -195,7 +220,9 @@ def hinge_for(obj: SceneObject, scene: Scene) -> Hinge | None:
 
 def slide_for(obj: SceneObject, scene: Scene) -> Slide | None:
     """The slide of a handle, a front or the body around it; None if there is none."""
-    return next((s for s in slides(scene) if obj.id in s.parts), None)
+    found = slides(scene)
+    own = (s for s in found if obj.id in (s.front.id, s.handle.id))
+    return next(own, None) or next((s for s in found if obj.id in s.parts), None)
 
 
 def _reach(obj: SceneObject, way: FloatArray) -> float:

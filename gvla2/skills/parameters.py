@@ -90,8 +90,16 @@ def defaults(
         # Beyond what holds it.
         "draw": {"pull_distance": 0.02, "transit_clearance": 0.03, "place_height": 0.004},
     }
-    values = {**USUAL, **by_geometry, **own.get(skill, {})}
+    values = {**USUAL, **by_geometry, **own.get(skill, {}), **_by_joint(theme)}
     return {name: values[name] for name in names}
+
+
+def _by_joint(theme: SceneObject) -> dict[str, float]:
+    """What a known joint determines: a drawer comes all the way, a knob goes to its farther end."""
+    if theme.joint is None:
+        return {}
+    rest, back = theme.joint.reach - theme.joint.position, -theme.joint.position
+    return {"pull_distance": rest} if theme.joint.slides else {"turn": rest if rest > -back else back}
 
 
 def scales(

@@ -20,7 +20,7 @@ CAPS = {"libero_spatial": 220, "libero_object": 280, "libero_goal": 300, "libero
 
 OTHER_CAP = 400
 
-REACH = (-0.42, -0.48), (0.45, 0.48)
+REACH = (-0.5, -0.48), (0.45, 0.48)
 """Lower and upper x, y of where the tool may go, metres, from the middle of the scene."""
 
 HEADROOM = 0.75

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-import os
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
-from gvla2.geometry.camera import Camera as Pinhole
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
@@ -72,26 +71,19 @@ class RealsenseCamera:
 
         Raises :class:`RobotError` when the camera was unplugged, is frozen, or changes its pictures' size.
         """
-        pose = self._pose(base_from_tcp)
+        camera = replace(self.calibration, intrinsics=self.intrinsics).camera(
+            f"realsense-{self.serial}", base_from_tcp
+        )
         picture = self._stream.next(time.time(), self._timeout)
         image, depth = picture.image, picture.depth
         if self._lens is not None:
             image, depth = self._lens.image(image), self._lens.depth(depth)
         depth = self._axis.depth(depth)
-        i = self.intrinsics
-        camera = Pinhole(i.K, pose, i.width, i.height, f"realsense-{self.serial}")
         return CameraFrames((View(camera, image, depth),), (picture.exposed,))
 
     def close(self) -> None:
         """Stop streaming; safe to call twice."""
         self._stream.close()
-
-    def _pose(self, base_from_tcp: FloatArray | None) -> FloatArray:
-        if self.calibration.mount == "eye_to_hand":
-            return self.calibration.transform
-        if base_from_tcp is None:
-            raise RobotError(f"The camera '{self.serial}' is on the hand: it needs the hand's pose.")
-        return base_from_tcp @ self.calibration.transform
 
 
 def _check(config: RealsenseConfig) -> None:
@@ -110,13 +102,12 @@ def _check(config: RealsenseConfig) -> None:
 def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
     """The camera must measure as it did when it was calibrated: another mode crops, and moves the centre."""
     wanted = calibration.intrinsics
-    pairs = {
-        "fx": (stream.fx, wanted.fx, wanted.fx),
-        "fy": (stream.fy, wanted.fy, wanted.fy),
-        "cx": (stream.cx, wanted.cx, wanted.width),
-        "cy": (stream.cy, wanted.cy, wanted.height),
-    }
-    off = [f"{k} {a:.1f} for {b:.1f}" for k, (a, b, by) in pairs.items() if abs(a - b) > TOLERANCE * by]
+    most = {"fx": wanted.fx, "fy": wanted.fy, "cx": wanted.width, "cy": wanted.height}
+    off = [
+        f"{name} {getattr(stream, name):.1f} for {getattr(wanted, name):.1f}"
+        for name, by in most.items()
+        if abs(getattr(stream, name) - getattr(wanted, name)) > TOLERANCE * by
+    ]
     if off:
         raise RobotError(
             f"The camera '{calibration.serial}' has other intrinsics than its calibration {path} says: "
@@ -124,49 +115,29 @@ def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
         )
 
 
-_INSTALL = "pip install 'gvla2[realsense]'"
-
-
 def load() -> Any:
     """The module ``pyrealsense2``.
 
     Raises :class:`MissingDependencyError` when it, or its libusb, is missing.
     """
-    _offer_libusb()
-    try:
-        import pyrealsense2
-    except ModuleNotFoundError as error:
-        raise MissingDependencyError("pyrealsense2", "camera=realsense", _INSTALL, "Apache-2.0") from error
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"a library that pyrealsense2 links to ({error})", "camera=realsense", _INSTALL
-        ) from error
-    return pyrealsense2
-
-
-def _offer_libusb() -> None:
-    """Load the libusb of the package ``libusb_package`` for all, so that pyrealsense2 finds its symbols there.
-
-    Without such a package, or if it does not fit this system, the system's own libusb may still work.
-    """
-    if os.name != "posix":
-        return  # elsewhere the wheel has what it needs
-    try:
+    try:  # so that pyrealsense2 finds libusb's symbols; without this package the system's own may still work
         import libusb_package
 
-        path = libusb_package.get_library_path()
-        if path is not None:
-            ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+        ctypes.CDLL(str(libusb_package.get_library_path()), mode=ctypes.RTLD_GLOBAL)
     except (ImportError, OSError):
-        return
-
-
-_WEBCAM = "Platform Camera"
-"""librealsense's name for a foreign camera."""
-
-_RETIRED = (
-    " L5xx and SR3xx cameras need pyrealsense2<2.55; or record with other software and use camera=replay."
-)
+        pass
+    try:
+        import pyrealsense2
+    except ImportError as error:
+        missing = (
+            "pyrealsense2"
+            if error.name == "pyrealsense2"
+            else f"a library that pyrealsense2 links to ({error})"
+        )
+        raise MissingDependencyError(
+            missing, "camera=realsense", "pip install 'gvla2[realsense]'", "Apache-2.0"
+        ) from error
+    return pyrealsense2
 
 
 def choose(rs: Any, devices: Sequence[Any], serial: str = "") -> Any:
@@ -174,18 +145,13 @@ def choose(rs: Any, devices: Sequence[Any], serial: str = "") -> Any:
 
     Raises :class:`RobotError`, listing the connected ones.
     """
-    found = {serial_of(rs, d): d for d in devices if name_of(rs, d) != _WEBCAM}
-    if serial in found:
-        return found[serial]
-    listing = ", ".join(f"{name_of(rs, device)} '{key}'" for key, device in found.items())
-    if serial and found:
-        raise RobotError(f"No camera with the serial '{serial}' is plugged in; there is {listing}.{_RETIRED}")
-    if not found:
-        asked = f" '{serial}'" if serial else ""
-        raise RobotError(
-            f"librealsense finds no camera{asked}. Plug it into a USB 3 port; on Linux, librealsense's udev rules "
-            f"give users access to it.{_RETIRED}"
-        )
-    if len(found) > 1:
-        raise RobotError(f"Several cameras are plugged in: {listing}. Choose one with camera.serial=...")
-    return next(iter(found.values()))
+    found = {serial_of(rs, d): d for d in devices if name_of(rs, d) != "Platform Camera"}
+    if serial in found or (len(found) == 1 and not serial):
+        return found[serial or next(iter(found))]
+    listing = ", ".join(f"{name_of(rs, device)} '{key}'" for key, device in found.items()) or "none"
+    asked = f" with the serial '{serial}'" if serial else ""
+    raise RobotError(
+        f"librealsense finds no single camera{asked}; there is {listing}. Choose one by camera.serial=..., or plug it "
+        "into a USB 3 port; on Linux, librealsense's udev rules give users access to it. L5xx and SR3xx cameras need "
+        "pyrealsense2<2.55."
+    )

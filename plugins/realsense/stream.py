@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,60 +13,36 @@ from numpy.typing import NDArray
 from gvla2.errors import RobotError
 
 
-@dataclass(frozen=True)
-class Chosen:
-    """The two profiles, and what to open on each sensor: some have one sensor for both."""
-
-    colour: Any
-    depth: Any
-    by_sensor: tuple[tuple[Any, list[Any]], ...]
-
-
-def choose_profiles(rs: Any, device: Any, size: tuple[int, int], fps: int) -> Chosen:
-    """Colour (RGB or BGR, 8 bit) of exactly ``size`` (width, height), and depth (16 bit) of the size nearest to it.
+def choose_profiles(rs: Any, device: Any, size: tuple[int, int], fps: int) -> dict[str, tuple[Any, Any]]:
+    """Sensor and profile of ``colour`` (RGB or BGR, 8 bit) of exactly ``size`` (width, height), and of ``depth``
+    (16 bit) of the size nearest to it.
 
     Raises :class:`RobotError`, listing the device's streams.
     """
-    offers = [(sensor, p) for sensor in device.query_sensors() for p in sensor.get_stream_profiles()]
-    video = [(sensor, p) for sensor, p in offers if p.is_video_stream_profile()]
-    colours = [
-        (s, p)
-        for s, p in video
-        if p.stream_type() == rs.stream.color and p.format() in (rs.format.rgb8, rs.format.bgr8)
-    ]
-    depths = [(s, p) for s, p in video if p.stream_type() == rs.stream.depth and p.format() == rs.format.z16]
     who = f"The camera {name_of(rs, device)} '{serial_of(rs, device)}'"
+    offers = [(sensor, p) for sensor in device.query_sensors() for p in sensor.get_stream_profiles()]
+    formats = {
+        "depth": (rs.stream.depth, (rs.format.z16,)), "colour": (rs.stream.color, (rs.format.rgb8, rs.format.bgr8)),
+    }  # fmt: skip
 
-    def nearest(what: str, found: list[tuple[Any, Any]], most: float) -> tuple[Any, Any]:
-        def distance(pair: Any) -> int:
-            width, height, _ = _key(pair[1])
-            return abs(width - size[0]) + abs(height - size[1])
+    def distance(offer: tuple[Any, Any]) -> int:
+        width, height = _size(offer[1])
+        return abs(width - size[0]) + abs(height - size[1])
 
+    chosen = {}
+    for what, (stream, kinds) in formats.items():
+        found = [(s, p) for s, p in offers if p.stream_type() == stream and p.format() in kinds]
         if not found:
             raise RobotError(f"{who} has no {what} stream: it is not an RGB-D camera.")
-        fit = min((pair for pair in found if _key(pair[1])[2] == fps), key=distance, default=None)
-        if fit is None or distance(fit) > most:
-            have = ", ".join(sorted({"{}x{}@{}".format(*_key(p)) for _, p in found}))
+        fit = min((offer for offer in found if offer[1].fps() == fps), key=distance, default=None)
+        if fit is None or (what == "colour" and distance(fit) > 0):
+            have = ", ".join(sorted({"{}x{}@{}".format(*_size(p), p.fps()) for _, p in found}))
             raise RobotError(
                 f"{who} has no {what} of {size[0]}x{size[1]} at {fps} a second; it has {have}. The colour's size is "
                 "the calibration's. A USB 3 port offers more than USB 2."
             )
-        return fit
-
-    depth_sensor, depth = nearest("depth", depths, np.inf)
-    colour_sensor, colour = nearest("colour", colours, 0)
-    if colour_sensor is depth_sensor or _name(rs, colour_sensor) == _name(rs, depth_sensor):
-        return Chosen(colour, depth, ((depth_sensor, [depth, colour]),))
-    return Chosen(colour, depth, ((depth_sensor, [depth]), (colour_sensor, [colour])))
-
-
-def _key(profile: Any) -> tuple[int, int, int]:
-    video = profile.as_video_stream_profile()
-    return video.width(), video.height(), profile.fps()
-
-
-def _name(rs: Any, sensor: Any) -> str:
-    return str(sensor.get_info(rs.camera_info.name))
+        chosen[what] = fit
+    return chosen
 
 
 _SLICE_MS = 250
@@ -104,23 +81,27 @@ class Stream:
         self._rs, self._device = rs, device
         self.name = f"{name_of(rs, device)} '{serial_of(rs, device)}'"
         chosen = choose_profiles(rs, device, size, fps)
-        self._sizes = {"colour": _size(chosen.colour), "depth": _size(chosen.depth)}
-        self._swap = chosen.colour.format() == rs.format.bgr8
-        self._period = 1.0 / max(1, chosen.colour.fps())
-        self.intrinsics = chosen.colour.as_video_stream_profile().get_intrinsics()
+        colour, depth = chosen["colour"][1], chosen["depth"][1]
+        self._sizes = [_size(colour), _size(depth)]
+        self._swap = colour.format() == rs.format.bgr8
+        self._period = 1.0 / max(1, fps)
+        self.intrinsics = colour.as_video_stream_profile().get_intrinsics()
         try:
-            self.extrinsics = chosen.depth.get_extrinsics_to(chosen.colour)
+            self.extrinsics = depth.get_extrinsics_to(colour)
         except RuntimeError as error:
             raise RobotError(
                 f"The camera {self.name} does not say how its two sensors stand to each other, so that depth can't be "
                 f"aligned to colour: {error}"
             ) from error
+        by_sensor: dict[str, tuple[Any, list[Any]]] = {}  # some have one sensor for both
+        for sensor, profile in chosen.values():
+            by_sensor.setdefault(_info(sensor, rs.camera_info.name), (sensor, []))[1].append(profile)
         self._align = rs.align(rs.stream.color)
         self._queue = rs.syncer()
         self._running: list[Any] = []
-        self._last = (-1, -1)
+        self._last = [-1, -1]
         try:
-            for sensor, profiles in chosen.by_sensor:
+            for sensor, profiles in by_sensor.values():
                 sensor.open(profiles)
                 self._running.append(sensor)
                 sensor.start(self._queue)
@@ -131,13 +112,12 @@ class Stream:
     def next(self, began: float, timeout: float) -> Picture:
         """The first pair that was exposed after ``began`` (``time.time()``), within ``timeout`` seconds.
 
-        Raises :class:`RobotError` for a camera that was closed or unplugged, gives nothing, or only half, or the same
-        over and over, or pictures of a different size than at the start.
+        Raises :class:`RobotError` for a camera that was closed or unplugged, or gives no new pair of the size it began
+        with.
         """
         if not self._running:
             raise RobotError(f"The camera {self.name} is closed.")
         deadline = time.monotonic() + timeout
-        seen: set[str] = set()
         try:
             while time.monotonic() < deadline:
                 waited, frames = self._queue.try_wait_for_frames(_SLICE_MS)
@@ -145,20 +125,19 @@ class Stream:
                 if not waited:
                     self._check_plug()
                     continue
-                colour, depth = frames.get_color_frame(), frames.get_depth_frame()
-                seen |= {"colour"} if colour else set()
-                seen |= {"depth"} if depth else set()
-                if not (colour and depth) or not self._advanced(colour, depth):
+                pair = (frames.get_color_frame(), frames.get_depth_frame())
+                if not all(pair) or not self._advanced(pair):
                     continue
-                exposed = min(self._exposed(frame, arrived) for frame in (colour, depth))
-                if exposed >= began:
-                    self._check_sizes(colour, depth)
+                exposed = min(self._exposed(frame, arrived) for frame in pair)
+                if exposed >= began and [(f.get_width(), f.get_height()) for f in pair] == self._sizes:
                     return self._picture(frames, exposed)
         except RuntimeError as error:  # the only type that librealsense raises
             self._check_plug()
             raise RobotError(f"The camera {self.name} failed: {error}.") from error
         self._check_plug()
-        raise RobotError(f"The camera {self.name} {_lacking(seen)} within {timeout:g} s. Is its cable firm?")
+        raise RobotError(
+            f"The camera {self.name} gave no new pair of colour and depth within {timeout:g} s. Is its cable firm?"
+        )
 
     def close(self) -> None:
         """Stop the sensors; safe to call twice, and after the plug was pulled."""
@@ -174,12 +153,11 @@ class Stream:
         if not self._device.is_connected():
             raise RobotError(f"The camera {self.name} was unplugged.")
 
-    def _advanced(self, colour: Any, depth: Any) -> bool:
+    def _advanced(self, pair: Sequence[Any]) -> bool:
         """Whether both frames are new: a frozen camera repeats old ones."""
-        numbers = (colour.get_frame_number(), depth.get_frame_number())
-        fresh = bool(numbers[0] != self._last[0] and numbers[1] != self._last[1])
-        if fresh:
-            self._last = numbers
+        numbers = [frame.get_frame_number() for frame in pair]
+        fresh = all(new != old for new, old in zip(numbers, self._last, strict=True))
+        self._last = numbers if fresh else self._last
         return fresh
 
     def _exposed(self, frame: Any, arrived: float) -> float:
@@ -189,15 +167,6 @@ class Stream:
         return float(
             min(stamp, arrived) if own and abs(arrived - stamp) < _TRUSTED else arrived - self._period
         )
-
-    def _check_sizes(self, colour: Any, depth: Any) -> None:
-        for what, frame in (("colour", colour), ("depth", depth)):
-            size = (frame.get_width(), frame.get_height())
-            if size != self._sizes[what]:
-                raise RobotError(
-                    f"The camera {self.name} sent a {what} picture of {size[0]}x{size[1]} pixels among those of "
-                    "{}x{}.".format(*self._sizes[what])
-                )
 
     def _picture(self, frames: Any, exposed: float) -> Picture:
         aligned = self._align.process(frames)
@@ -217,14 +186,6 @@ class Stream:
 def _size(profile: Any) -> tuple[int, int]:
     video = profile.as_video_stream_profile()
     return video.width(), video.height()
-
-
-def _lacking(seen: set[str]) -> str:
-    if not seen:
-        return "gave no picture at all"
-    if len(seen) == 1:
-        return f"gave {next(iter(seen))} pictures, and no {'depth' if 'colour' in seen else 'colour'},"
-    return "is frozen: it gave no new pair of colour and depth"
 
 
 def serial_of(rs: Any, device: Any) -> str:

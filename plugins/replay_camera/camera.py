@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.errors import ConfigurationError, RobotError
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
@@ -49,12 +48,7 @@ class FrameFolder:
 
     def view(self, index: int, base_from_tcp: FloatArray | None) -> View:
         """The frame in the base frame; ``base_from_tcp`` (4, 4) is needed by a camera that was on the hand."""
-        pose, intrinsics = self.calibration.transform, self.calibration.intrinsics
-        if self.calibration.mount == "eye_in_hand":
-            if base_from_tcp is None:
-                raise RobotError(f"{self.folder} was recorded from the hand: it needs the hand's pose.")
-            pose = base_from_tcp @ pose
-        camera = Camera(intrinsics.K, pose, intrinsics.width, intrinsics.height, self.name)
+        camera = self.calibration.camera(self.name, base_from_tcp)
         colour, depth = self._pairs[index]
         shown = {colour: _picture(colour, "RGB"), depth: self._depth(depth)}
         for path, image in shown.items():
@@ -66,7 +60,7 @@ class FrameFolder:
         return View(camera, shown[colour], shown[depth])
 
     def _depth(self, path: Path) -> NDArray[np.float32]:
-        raw = _array(path) if path.suffix == ".npy" else _picture(path)
+        raw = _picture(path)
         if raw.ndim != 2 or raw.dtype.kind not in "fiu" or raw.dtype.itemsize < 2:
             raise RobotError(
                 f"{path} must be a depth map (H, W) of numbers of 16 bits or more; it is {raw.shape}, {raw.dtype}."
@@ -112,23 +106,15 @@ def _depth_scale(path: Path) -> float:
     return float(given)
 
 
-def _array(path: Path) -> NDArray[Any]:
-    try:
-        loaded = np.load(path, allow_pickle=False)
-        if not isinstance(loaded, np.ndarray):
-            raise ValueError("it is an archive")
-    except (OSError, ValueError, EOFError) as error:
-        raise RobotError(f"{path} is not a readable array: {error}.") from error
-    return loaded
-
-
 def _picture(path: Path, mode: str | None = None) -> NDArray[Any]:
-    """The pixels (H, W) or (H, W, 3) of a picture."""
+    """The pixels (H, W) or (H, W, 3) of a picture or an array."""
     try:
+        if path.suffix == ".npy":
+            return np.asarray(np.load(path, allow_pickle=False))
         with Image.open(path) as picture:
             picture.load()
             return np.array(picture.convert(mode) if mode else picture)
-    except (OSError, SyntaxError) as error:  # the latter is what Pillow makes of a broken chunk
+    except (OSError, ValueError, SyntaxError) as error:  # the last is what Pillow makes of a broken chunk
         raise RobotError(f"{path} is not a readable picture: {error}.") from error
 
 

@@ -68,22 +68,22 @@ class OpenBoxConfig(ScaledConfig):
 
 _TASKS: tuple[tuple[str, str, type[ScaledConfig], str], ...] = (
     ("put_block", "put:PutBlock", ScaledConfig, "Put a block on a painted square."),
-    ("push_block", "push:PushBlock", ScaledConfig, "Push a block onto a square painted on the table."),
+    ("push_block", "lift:PushBlock", ScaledConfig, "Push a block onto a square painted on the table."),
     (
         "play_jenga",
-        "play_jenga:PlayJenga",
+        "towers:PlayJenga",
         ScaledConfig,
         "Pull the loose brick out of a tower that keeps standing.",
     ),
     ("open_jar", "screws:OpenJar", OpenJarConfig, "Unscrew the lid of the jar of the named colour."),
-    ("close_box", "boxes:CloseBox", ScaledConfig, "Close the hinged lid of a box."),
-    ("open_box", "boxes:OpenBox", OpenBoxConfig, "Open the hinged lid of a box by its lip."),
+    ("close_box", "furniture:CloseBox", ScaledConfig, "Close the hinged lid of a box."),
+    ("open_box", "furniture:OpenBox", OpenBoxConfig, "Open the hinged lid of a box by its lip."),
     ("pickup_cup", "lift:PickupCup", ScaledConfig, "Pick the cup of the named colour up by its rim."),
     ("take_umbrella", "lift:TakeUmbrella", ScaledConfig, "Pull an umbrella out of its stand."),
     ("sort_mustard", "put:SortMustard", ScaledConfig, "Put the mustard bottle into the tray."),
     ("open_wine", "screws:OpenWine", ScaledConfig, "Turn the cap of a wine bottle until it comes off."),
-    ("lamp_on", "push:LampOn", ScaledConfig, "Press the sprung button of a lamp."),
-    ("put_knife", "put_knife:PutKnife", ScaledConfig, "Draw a knife from its block and lay it on the board."),
+    ("lamp_on", "lift:LampOn", ScaledConfig, "Press the sprung button of a lamp."),
+    ("put_knife", "put:PutKnife", ScaledConfig, "Draw a knife from its block and lay it on the board."),
     (
         "pick_and_lift",
         "lift:PickAndLift",
@@ -92,12 +92,12 @@ _TASKS: tuple[tuple[str, str, type[ScaledConfig], str], ...] = (
     ),
     (
         "insert_block",
-        "insert_block:InsertBlock",
+        "towers:InsertBlock",
         ScaledConfig,
         "Slip a ring over the pillar of the named colour.",
     ),
     ("move_spray_bottle", "put:MoveSprayBottle", ScaledConfig, "Move a spray bottle onto a painted square."),
-    ("open_drawer", "open_drawer:OpenDrawer", ScaledConfig, "Pull a drawer open by its handle."),
+    ("open_drawer", "furniture:OpenDrawer", ScaledConfig, "Pull a drawer open by its handle."),
     ("sort_object", "put:SortObject", ScaledConfig, "Put three objects into the bins of their colours."),
 )
 """Name, module and class, configuration, summary."""

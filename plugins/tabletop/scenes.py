@@ -11,8 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.colours import COLOURS, DISTINCT, colour_distance, colours_in
-from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
+from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.robot.placing import distinct, in_reach, inside, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 
@@ -64,7 +64,7 @@ class Draw:
         """
         given = self.site.colours[:count]
         taken = [*beside, *([self.site.table_rgb] if self.site.table_rgb is not None else [])]
-        names = [name for name in COLOURS if _distinct(COLOURS[name], taken)]
+        names = [name for name in COLOURS if distinct(COLOURS[name], taken)]
 
         def draw() -> tuple[str, ...] | None:
             free = [name for name in names if name not in given]
@@ -72,7 +72,7 @@ class Draw:
                 return None
             more = self.rng.choice(len(free), size=count - len(given), replace=False)
             chosen = [*given, *(free[i] for i in more)]
-            clear = all(_distinct(COLOURS[chosen[i]], [COLOURS[c] for c in chosen[:i]]) for i in range(count))
+            clear = all(distinct(COLOURS[chosen[i]], [COLOURS[c] for c in chosen[:i]]) for i in range(count))
             return tuple(chosen) if clear else None
 
         return sample_until(draw, f"{count} colours")
@@ -132,10 +132,6 @@ class TabletopTask(ABC, Generic[C]):
     ) -> TaskInstance:
         """One episode. An ``instruction`` that names one of several candidates by its colour decides the target."""
         return self.lay_out(Draw(rng, site, self.instructions, instruction))
-
-
-def _distinct(rgb: Rgb, others: list[Rgb]) -> bool:
-    return not others or bool((colour_distance(np.array(others), rgb) >= DISTINCT).all())
 
 
 def scaled(k: float, sides: Sequence[float]) -> Sides:

@@ -25,7 +25,7 @@ from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.plugins.registry import load_plugins
-from gvla2.reconstruction.branch import BranchParts, refine_geometry
+from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.support import mask_support, object_centre, soft_hull
@@ -109,7 +109,7 @@ def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
     )
 
     def whole() -> None:
-        result = refine_geometry(swollen, views, BranchParts(*parts.values()))
+        result = refine_geometry(swollen, views, BranchComponents(*parts.values()))
         whole.stages = ", ".join(f"{s.stage} {s.status}" for s in result.stages)
 
     show(f"whole branch, {len(g0.gaussians)} Gaussians", milliseconds(whole, 3), None)

@@ -1,55 +1,23 @@
-import hashlib
-import io
-import pickle
-import tarfile
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
 from torch.nn import functional
 
-from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.evaluation.lpips import (
-    ARCHIVE,
-    MEMBER,
-    Lpips,
-    Weights,
-    keep_weights,
-    read_weights,
-    weights_path,
-)
+from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.evaluation.lpips import Lpips, Weights, read_weights
 
 SHAPES = ((11, 11, 3, 64), (5, 5, 64, 192), (3, 3, 192, 384), (3, 3, 384, 256), (3, 3, 256, 256))
 
 
-def random_tree() -> dict:
+@pytest.fixture
+def weights() -> Weights:
     rng = np.random.default_rng(0)
 
     def array(*shape):
         return rng.normal(0, 1 / np.sqrt(np.prod(shape[:-1])), shape).astype(np.float32)
 
-    layers = {f"Conv_{n}": {"kernel": array(*s), "bias": array(1, s[3])[0]} for n, s in enumerate(SHAPES)}
-    heads = {
-        f"NetLinLayer_{n}": {"Conv_0": {"kernel": np.abs(array(1, 1, s[3], 1))}} for n, s in enumerate(SHAPES)
-    }
-    return {"AlexNet_0": layers, **heads}
-
-
-def archive_of(tree: object, folder: Path) -> tuple[Path, str]:
-    content = pickle.dumps(tree, protocol=3)
-    path = folder / ARCHIVE
-    with tarfile.open(path, "w:gz", compresslevel=0) as bundle:
-        member = tarfile.TarInfo(MEMBER)
-        member.size = len(content)
-        bundle.addfile(member, io.BytesIO(content))
-    return path, hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-@pytest.fixture
-def weights(tmp_path) -> Weights:
-    keep_weights(*archive_of(random_tree(), tmp_path))
-    return read_weights()
+    kernels = tuple(array(*shape) for shape in SHAPES)
+    return Weights(kernels, tuple(array(s[3]) for s in SHAPES), tuple(np.abs(array(s[3])) for s in SHAPES))
 
 
 def with_torch(weights: Weights, a: np.ndarray, b: np.ndarray) -> float:
@@ -84,27 +52,20 @@ def test_the_forward_pass_is_that_of_a_deep_learning_library(weights, size):
     assert lpips(a, b) > 0
 
 
-def test_another_archive_is_not_used(tmp_path):
-    path, _ = archive_of(random_tree(), tmp_path)
-    with pytest.raises(Gvla2Error, match="pinned"):
-        keep_weights(path)
-    assert not weights_path().exists()
-
-
-def test_damaged_weights_are_named(weights):
-    weights_path().write_bytes(weights_path().read_bytes()[:1000])
-    with pytest.raises(ConfigurationError, match=r"python -m gvla2\.evaluation\.lpips"):
-        read_weights()
-
-
-def test_weights_of_ones_own(weights, tmp_path):
+def test_weights_are_read_from_a_file_and_damaged_ones_are_named(weights, tmp_path):
     own = tmp_path / "mine.npz"
-    arrays = dict(np.load(weights_path()))
+    arrays = {
+        f"{name}{n}": array
+        for name, found in (("kernel", weights.kernels), ("bias", weights.biases), ("head", weights.heads))
+        for n, array in enumerate(found)
+    }
     np.savez(own, **arrays)
-    assert read_weights(own).kernels[0].shape == SHAPES[0]
-    np.savez(own, **{**arrays, "head2": np.ones(5, dtype=np.float32)})
+    np.testing.assert_array_equal(read_weights(own).heads[4], weights.heads[4])
+    np.savez(own, **{**arrays, "kernel2": np.ones((3, 3, 5, 5), dtype=np.float32)})
     with pytest.raises(ConfigurationError, match="wrong shape"):
         read_weights(own)
-    np.savez(own, kernel0=arrays["kernel0"])
-    with pytest.raises(ConfigurationError, match="does not hold LPIPS weights"):
+    own.write_bytes(own.read_bytes()[:1000])
+    with pytest.raises(ConfigurationError, match=r"scripts/fetch_lpips"):
         read_weights(own)
+    with pytest.raises(MissingDependencyError, match=r"scripts/fetch_lpips"):
+        read_weights(tmp_path / "absent.npz")

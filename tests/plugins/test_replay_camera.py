@@ -126,7 +126,7 @@ def test_a_camera_on_the_hand_moves_with_it(tmp_path):
     camera = replay(tmp_path)
     hand = rigid(translation=(0.0, 0.0, 1.0))
     assert np.allclose(camera.observe(hand).views[0].camera.world_from_camera, hand @ POSE)
-    with pytest.raises(RobotError, match="recorded from the hand"):
+    with pytest.raises(RobotError, match="on the hand"):
         camera.observe()
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.branch import BranchParts, refine_geometry
+from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import AxisFit, GeometryEstimate, Reconstruction
 from gvla2.reconstruction.options import BranchOptions
@@ -57,7 +57,7 @@ def drifted(obj: Reconstruction) -> Reconstruction:
 
 def refine(obj, views, given=None, **options):
     axis = MaskEnergy(10) if options.get("mode") == "paper" else Contours(ContoursConfig(name="contours"))
-    parts = BranchParts(given or NoPrior(), axis, Residual(0.5), Rasteriser())
+    parts = BranchComponents(given or NoPrior(), axis, Residual(0.5), Rasteriser())
     return refine_geometry(obj, views, parts, BranchOptions(**options))
 
 
@@ -96,7 +96,7 @@ def test_sources_of_other_topology_fall_back_to_a(g0, views):
         def fuse(self, a, b, support_a, support_b):
             return np.concatenate([a, b])
 
-    parts = BranchParts(NoPrior(), Contours(ContoursConfig(name="contours")), Growing(), Rasteriser())
+    parts = BranchComponents(NoPrior(), Contours(ContoursConfig(name="contours")), Growing(), Rasteriser())
     result = refine_geometry(drifted(g0), views, parts, BranchOptions(appearance=False, mode="paper"))
     assert status(result)["fusion"] == "fallback"
     np.testing.assert_array_equal(result.out.gaussians.centres, result.a.gaussians.centres)
@@ -120,7 +120,7 @@ def test_the_masks_may_refuse_all_of_it(g0, views):
         def fuse(self, a, b, support_a, support_b):
             return a * 1.5
 
-    parts = BranchParts(NoPrior(), Swelling(), Bulging(), Rasteriser())
+    parts = BranchComponents(NoPrior(), Swelling(), Bulging(), Rasteriser())
     result = refine_geometry(g0, views, parts)
     assert status(result)["fusion"] == "rejected"
     np.testing.assert_allclose(result.out.mesh.vertices, result.a.mesh.vertices)

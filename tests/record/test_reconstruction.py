@@ -11,7 +11,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.branch import BranchParts, refine_geometry
+from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction, StageReport
 from gvla2.record import reconstruction_pictures as pictured
@@ -54,7 +54,7 @@ def record(registry, renderer, views) -> ReconstructionRecord:
     g0 = enlarged(carve(views, 24).to_reconstruction(1500), 1.1)
     choices = {"prior": "none", "axis": "contours", "fusion": "residual"}
     parts = registry.build_all({kind: {"name": name} for kind, name in choices.items()}, choices)
-    result = refine_geometry(g0, views, BranchParts(*parts.values(), renderer))
+    result = refine_geometry(g0, views, BranchComponents(*parts.values(), renderer))
     return ReconstructionRecord(
         "red cube",
         "a/folder",

@@ -1,4 +1,4 @@
-"""The suite ``perception``: perceivers alone, against a simulator's true pixels.
+"""The suite ``perception``: a perceiver alone, against a simulator's true pixels.
 
 A layout is laid out and seen; the perceived scene is compared with what each pixel shows. A layout is one row, whose
 notes hold the numbers of each true object in it.
@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from itertools import product
 from statistics import fmean, median
 from typing import Any
 
@@ -21,7 +20,7 @@ from gvla2.errors import ConfigurationError, Gvla2Error, PerceptionError
 from gvla2.evaluation.components import code_of, given_label, named_tasks, noise_label, task_options
 from gvla2.evaluation.config import PerceptionBench
 from gvla2.evaluation.engine import Suite, Unit
-from gvla2.evaluation.perception_scoring import ObjectScore, Segmented, score, true_objects
+from gvla2.evaluation.perception_scoring import Segmented, score, true_objects
 from gvla2.evaluation.results import Cell, cell_key, grouped, latest, measured, versions
 from gvla2.evaluation.tables import Sheet, SheetCell, SheetRow, runs_of, text_cell
 from gvla2.planning.asking import perceive
@@ -30,10 +29,8 @@ from gvla2.plugins.kinds import NONE
 from gvla2.plugins.registry import Registry
 from gvla2.robot.depth_noise import apply_noise
 
-VERSION = 4
+VERSION = 5
 """Version of the measurement: rows of another version are measured again."""
-WHOLE = 0.8
-"""Overlap above which an object without a second piece counts as seen whole."""
 MEASURING_CODE = (
     "gvla2.evaluation.perception_scoring", "gvla2.evaluation.suites.perception", "gvla2.geometry", "gvla2.perception",
     "gvla2.robot", "gvla2.planning.scene", "gvla2.planning.colours",
@@ -41,12 +38,11 @@ MEASURING_CODE = (
 """Code whose change outdates stored rows, besides the chosen plugins."""
 GROUPS = ("robot", "perceiver", "depth_noise", "scale")
 EXPLANATION = (
-    "Objects that the true pixels show, against the perceived ones. Mask IoU is over all views together, and an "
-    "object is found above 0.5, seen whole from 0.8 where no second object is a piece of it. Label, colour, centre "
-    "and extent are of found objects: a label is right when its colour words and its head noun are the true ones "
-    "(a synonym is wrong), an extent's error is that of the worst visible side. The first line is the median (a "
-    "share, if in per cent), the second the 95th percentile, p95: one in twenty is worse. False objects match no "
-    "true one, or are a second piece of one."
+    "Objects that the true pixels show, against the perceived ones with the nearest centres; an object is found where "
+    "one of the two centres lies in the other's box, or within 10 mm of it. A name is right when its colour words and "
+    "its head noun are the true ones (a synonym is wrong). Centre and worst side are of objects of which no side is "
+    "hidden. The first line is the median (a share, if in per cent), the second the 95th percentile, p95: one in "
+    "twenty is worse. A false object's centre lies in no true one."
 )
 
 log = logging.getLogger(__name__)
@@ -54,45 +50,42 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class LayoutUnit(Unit):
-    """One layout of a task, seen by one perceiver."""
+    """One layout of a task."""
 
     task: str
-    perceiver: str
     factors: Mapping[str, str | int]
     layout: int
     config: PerceptionBench
 
 
 class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
-    """Every layout of each task and perceiver."""
+    """Every layout of each task."""
 
     name = "perception"
     title = "Perception"
 
     def stages(self) -> Sequence[Sequence[LayoutUnit]]:
-        """Every layout with its key, those of a task and perceiver together."""
+        """Every layout with its key, those of a task together."""
         config, registry, units = self.config, self.registry, []
-        tasks = chosen_tasks(config, registry)
-        for task, perceiver in product(tasks, dict.fromkeys(config.perceivers)):
-            root = chosen_components(config, registry, task, perceiver)
+        for task in chosen_tasks(config, registry):
+            root = chosen_components(config, registry, task)
             typed = [registry.configure(root, kind)[0] for kind in ("robot", "task", "perceiver")]
             code = code_of(typed, *MEASURING_CODE)
             protocol = (VERSION, code, versions(), asdict(config.depth_noise), [asdict(one) for one in typed])
-            own = config.perceiver.name == perceiver
-            for seed, episode in product(dict.fromkeys(config.seeds), range(config.episodes)):
-                factors: dict[str, str | int] = {
-                    "task": given_label(task, config.task_options),
-                    "perceiver": described(config.perceiver) if own else perceiver,
-                    "depth_noise": noise_label(config.depth_noise),
-                    "scale": f"{config.scale:g}",
-                    "robot": described(config.robot),
-                    "seed": seed,
-                    "episode": episode,
-                }
-                key = cell_key(self.name, factors, protocol)
-                # A seed's first layout is that of `gvla2 run seed=...`; no two seeds share any.
-                layout, label = seed + 1_000_000 * episode, f"{task}, {perceiver}"
-                units.append(LayoutUnit((key,), label, task, perceiver, factors, layout, config))
+            for seed in dict.fromkeys(config.seeds):
+                for episode in range(config.episodes):
+                    factors: dict[str, str | int] = {
+                        "task": given_label(task, config.task_options),
+                        "perceiver": described(config.perceiver),
+                        "depth_noise": noise_label(config.depth_noise),
+                        "scale": f"{config.scale:g}",
+                        "robot": described(config.robot),
+                        "seed": seed,
+                        "episode": episode,
+                    }
+                    # A seed's first layout is that of `gvla2 run seed=...`; no two seeds share any.
+                    layout, key = seed + 1_000_000 * episode, cell_key(self.name, factors, protocol)
+                    units.append(LayoutUnit((key,), task, task, factors, layout, config))
         return [units]
 
     @staticmethod
@@ -107,8 +100,8 @@ class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
     @staticmethod
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
         """A table per group, by task; if equal cells were measured twice, the later counts."""
-        measured = [cell for cell in cells if "seen" in cell.notes]  # earlier versions had other rows
-        once = latest(measured, lambda cell: cell.texts(*GROUPS, "task", "seed", "episode"))
+        known = [cell for cell in cells if "seen" in cell.notes]  # earlier versions had other rows
+        once = latest(known, lambda cell: cell.texts(*GROUPS, "task", "seed", "episode"))
         return [_sheet(group, placed) for group, placed in grouped(once, *GROUPS).items()]
 
 
@@ -119,55 +112,44 @@ def chosen_tasks(config: PerceptionBench, registry: Registry) -> list[str]:
     return named_tasks(config, registry) or whole
 
 
-def chosen_components(
-    config: PerceptionBench, registry: Registry, task: str, perceiver: str
-) -> dict[str, Any]:
-    """What to build for a task and a perceiver: the configured perceiver keeps its options.
-
-    Raises :class:`ConfigurationError` for an option that the task does not have.
-    """
-    return {
-        "robot": config.robot,
-        "camera": config.camera,
-        "language": config.language,
-        "task": {"name": task, **task_options(config, registry, task)},
-        "perceiver": config.perceiver if config.perceiver.name == perceiver else {"name": perceiver},
-    }
+def chosen_components(config: PerceptionBench, registry: Registry, task: str) -> dict[str, Any]:
+    """What to build for a task; raises :class:`ConfigurationError` for an option that it does not have."""
+    kinds = ("robot", "camera", "language", "perceiver")
+    chosen = {kind: getattr(config, kind) for kind in kinds}
+    return {**chosen, "task": {"name": task, **task_options(config, registry, task)}}
 
 
-_kept: dict[str, dict[str, Any]] = {}
-"""The components that this process used last, by perceiver, with tasks by name: building a robot takes a second."""
+_kept: dict[str, Any] = {}
+"""The components of this process, with tasks by name: building a robot takes a second."""
 
 
 def _built(unit: LayoutUnit, registry: Registry) -> dict[str, Any]:
-    """The robot, the perceiver and the task of a unit, those of the previous unit where they are the same."""
-    root = chosen_components(unit.config, registry, unit.task, unit.perceiver)
-    if unit.perceiver not in _kept:
-        _release()
-        _kept[unit.perceiver] = registry.build_all(root, ("robot", "perceiver"))
-    parts, task = _kept[unit.perceiver], f"task {unit.task}"
-    if task not in parts:
-        parts[task] = registry.build(root, "task")
-    return {**parts, "task": parts[task]}
+    """The robot, the perceiver and the task of a unit."""
+    root, task = chosen_components(unit.config, registry, unit.task), f"task {unit.task}"
+    if not _kept:
+        _kept.update(registry.build_all(root, ("robot", "perceiver")))
+    if task not in _kept:
+        _kept[task] = registry.build(root, "task")
+    return {**_kept, "task": _kept[task]}
 
 
 def _release() -> None:
-    for parts in _kept.values():
-        parts["robot"].close()
+    if _kept:
+        _kept["robot"].close()
     _kept.clear()
 
 
-def measure_layout(unit: LayoutUnit, parts: Mapping[str, Any]) -> Cell:
+def measure_layout(unit: LayoutUnit, components: Mapping[str, Any]) -> Cell:
     """The row of a layout; of one that cannot be measured, the status says why.
 
     Raises :class:`ConfigurationError` for a robot without ground truth.
     """
-    if not isinstance(parts["robot"], Segmented):
+    if not isinstance(components["robot"], Segmented):
         raise ConfigurationError(
             "suite=perception needs a simulated robot that knows what each pixel shows, such as robot=sapien_panda."
         )
     try:
-        measures, notes = _measure(unit, parts, parts["robot"])
+        measures, notes = _measure(unit, components, components["robot"])
     except ConfigurationError:
         raise
     except Exception as error:  # a perceiver's crash is its layout's, not the bench's
@@ -178,75 +160,59 @@ def measure_layout(unit: LayoutUnit, parts: Mapping[str, Any]) -> Cell:
 
 
 def _measure(
-    unit: LayoutUnit, parts: Mapping[str, Any], truth: Segmented
+    unit: LayoutUnit, components: Mapping[str, Any], robot: Any
 ) -> tuple[dict[str, float | None], dict[str, Any]]:
     """The measures and the notes of a layout."""
-    robot = parts["robot"]
-    instance = robot.reset(parts["task"], unit.layout)
+    instance = robot.reset(components["task"], unit.layout)
     if instance is None:
         raise ConfigurationError("suite=perception needs a simulated robot, which lays out tasks.")
     clear = robot.observe()  # the truth is what ideal cameras would show
     noise = np.random.default_rng([unit.layout, 0])  # that of an episode of this seed
     observation = apply_noise(clear, unit.config.depth_noise, noise, unit.layout)
-    truths = true_objects(truth, clear, instance.layout)
+    workspace, note = robot.arm.workspace, ""
     started = time.perf_counter()
     try:
-        workspace = robot.arm.workspace
-        scene = perceive(parts["perceiver"], observation, instance.instruction, workspace, "The perceiver")
-        note = ""
+        scene = perceive(
+            components["perceiver"], observation, instance.instruction, workspace, "The perceiver"
+        )
     except PerceptionError as error:
-        scene, note = Scene((), 0.0, robot.arm.workspace), f"Nothing was perceived: {error}"
+        scene, note = Scene((), 0.0, workspace), f"Nothing was perceived: {error}"
     seconds = time.perf_counter() - started
-    result = score(truths, scene, clear)
-    split = {owner for _, owner in result.false}
-    measures: dict[str, float | None] = {"false": float(len(result.false)), "seconds": seconds}
+    objects, false = score(true_objects(robot, clear, instance.layout), scene)
     notes = {
         "status": "ok",
         "instruction": instance.instruction,
-        "seen": [_numbers(one, one.true.name in split) for one in result.objects],
-        "false_objects": [
-            f"{scene.objects[k].label}: {f'a piece of {of}' if of else 'none'}" for k, of in result.false
+        "seen": [
+            {
+                "object": one.true.name,
+                "true": one.true.label,
+                "perceived": one.perceived,
+                "found": one.found,
+                "named": one.named,
+                "centre_mm": one.centre_mm,
+                "side_mm": one.side_mm,
+            }
+            for one in objects
         ],
+        "false_objects": [scene.objects[k].label for k in false],
         "note": note,
     }
-    return measures, notes
-
-
-def _numbers(one: ObjectScore, split: bool) -> dict[str, Any]:
-    """What was measured of a true object; ``split`` if a false object is a piece of it."""
-    return {
-        "object": one.true.name,
-        "true": one.true.label,
-        "perceived": one.perceived,
-        "found": one.found,
-        "iou": one.iou,
-        "whole": one.iou >= WHOLE and not split,
-        "label": one.label,
-        "colour": one.colour,
-        "centre_mm": one.centre_mm,
-        "extent_mm": one.extent_mm,
-    }
+    return {"false": float(len(false)), "seconds": seconds}, notes
 
 
 def _share(values: Sequence[float]) -> tuple[str, ...]:
     return f"{100 * fmean(values):.0f} %", f"{sum(values):.0f} of {len(values)}"
 
 
-def _spread(digits: int, worst: float = 95) -> Callable[[Sequence[float]], tuple[str, ...]]:
-    def lines(values: Sequence[float]) -> tuple[str, ...]:
-        return f"{median(values):.{digits}f}", f"p95 {np.percentile(values, worst):.{digits}f}"
-
-    return lines
+def _spread(values: Sequence[float]) -> tuple[str, ...]:
+    return f"{median(values):.2f}", f"p95 {np.percentile(values, 95):.2f}"
 
 
 _OF_OBJECTS = {
     "found ↑": ("found", _share),
-    "whole ↑": ("whole", _share),
-    "mask IoU ↑": ("iou", _spread(2, worst=5)),
-    "label ↑": ("label", _share),
-    "colour ↑": ("colour", _share),
-    "centre mm ↓": ("centre_mm", _spread(1)),
-    "extent mm ↓": ("extent_mm", _spread(1)),
+    "named right ↑": ("named", _share),
+    "centre mm ↓": ("centre_mm", _spread),
+    "worst side mm ↓": ("side_mm", _spread),
 }
 """Columns by heading: the number of an object, and how to summarise its values."""
 
@@ -269,7 +235,7 @@ def _row(cells: Sequence[Cell]) -> tuple[SheetCell, ...]:
     objects = [one for cell in cells for one in cell.notes["seen"]]
     columns = [([float(o[n]) for o in objects if o.get(n) is not None], f) for n, f in _OF_OBJECTS.values()]
     columns.append((measured(cells, "false"), lambda values: (f"{fmean(values):.2f}",)))
-    columns.append((measured(cells, "seconds"), _spread(2)))
+    columns.append((measured(cells, "seconds"), _spread))
     numbers = [
         SheetCell(lines(values)) if values else SheetCell(("",), none=True) for values, lines in columns
     ]

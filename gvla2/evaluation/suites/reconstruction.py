@@ -161,9 +161,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
         config, registry = self.config, self.registry
         lpips = lpips_of(config.lpips_weights) is not None
         if not lpips:
-            log.warning(
-                "LPIPS is not measured: its weights are absent. Fetch them with: python -m gvla2.evaluation.lpips"
-            )
+            log.warning("LPIPS is not measured: its weights are absent. scripts/fetch_lpips gets them.")
         baselines, seeds = list(dict.fromkeys(config.baselines)), list(dict.fromkeys(config.seeds))
         noises, drifts = list(dict.fromkeys(config.noise)), list(dict.fromkeys(config.drifts))
         variants = list(dict.fromkeys(config.variants or VARIANTS))

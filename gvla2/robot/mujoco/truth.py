@@ -20,6 +20,8 @@ MOST_POINTS = 1500
 PLACES = frozenset(("top", "middle", "bottom", "upper", "lower", "left", "right", "front", "back"))
 """Words of a body's name that tell it from others of its kind."""
 
+ROUND, ANGLES = 1.1, 2 * np.pi * np.arange(16) / 16
+"""An outline is round if its reach differs by less than this factor between these directions, radians."""
 DEEP, AROUND = 0.3, 0.5
 """A body is hollow when nothing of its middle reaches within this share of its height of its top; and the share of
 its half width that is its middle."""
@@ -36,7 +38,7 @@ def true_scene(world: World) -> Scene:
     for body in range(1, model.nbody):
         root = int(model.body_rootid[body])
         if body not in robot and not (model.body(root).name or "").startswith(world.scenery):
-            wholes.setdefault(root, {}).setdefault(_moving(model, body), []).append(body)
+            wholes.setdefault(root, {}).setdefault(moving_body(model, body), []).append(body)
     objects: list[SceneObject] = []
     for root, members in wholes.items():
         looks = {owner: _looks(world, bodies) for owner, bodies in members.items()}
@@ -51,7 +53,7 @@ def true_scene(world: World) -> Scene:
     return Scene(tuple(objects), world.table_height, world.workspace, "oracle")
 
 
-def _moving(model: Any, body: int) -> int:
+def moving_body(model: Any, body: int) -> int:
     """The body, at or above this one, that moves on a hinge or slide; else the root of its tree."""
     import mujoco
 
@@ -64,17 +66,18 @@ def _moving(model: Any, body: int) -> int:
 
 
 def _part(world: World, body: int, whole: Sequence[str], points: FloatArray) -> MovingPart:
+    joint = model_joint(world.model, world.data, int(world.model.body_jntadr[body]))
+    return MovingPart(part_label(world.model.body(body).name or "", whole, joint, points), points, joint)
+
+
+def model_joint(model: Any, data: Any, joint: int) -> Joint:
+    """A hinge or slide as it is now."""
     import mujoco
 
-    model, data, j = world.model, world.data, int(world.model.body_jntadr[body])
-    joint = joint_of(
-        bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE),
-        data.xaxis[j],
-        data.xanchor[j],
-        float(data.qpos[model.jnt_qposadr[j]]),
-        *(float(v) for v in model.jnt_range[j]),
-    )
-    return MovingPart(part_label(model.body(body).name or "", whole, joint, points), points, joint)
+    slides = bool(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE)
+    low, high = (float(value) for value in model.jnt_range[joint])
+    now = float(data.qpos[model.jnt_qposadr[joint]])
+    return joint_of(slides, data.xaxis[joint], data.xanchor[joint], now, low, high)
 
 
 def part_label(body: str, whole: Sequence[str], joint: Joint, points: FloatArray) -> str:
@@ -98,7 +101,8 @@ def _object(name: str, label: str, points: FloatArray, rgb: FloatArray, axes: Fl
     wall = away[local[:, 2] > high[2] - 0.15 * extents[2]]
     hollow = len(inner) > 0 and inner[:, 2].max() < high[2] - DEEP * extents[2]
     flat = extents[2] < 0.3 * min(extents[:2])
-    shape: Shape = "plate" if flat else "box"
+    round_ = _is_round(local[:, :2] - middle[:2])
+    shape: Shape = ("disc" if round_ else "plate") if flat else ("cylinder" if round_ else "box")
     return SceneObject(
         name,
         label,
@@ -111,6 +115,13 @@ def _object(name: str, label: str, points: FloatArray, rgb: FloatArray, axes: Fl
         opening=2 * float(np.percentile(wall, 2)) if hollow and len(wall) else 0.0,
         named_by="oracle",
     )
+
+
+def _is_round(points: FloatArray) -> bool:
+    """Whether an outline (N, 2) about the origin reaches about equally far in all directions."""
+    ways = np.stack([np.cos(ANGLES), np.sin(ANGLES)])
+    reach = (points @ ways).max(axis=0)
+    return bool(reach.max() < ROUND * reach.min())
 
 
 def _looks(world: World, bodies: Sequence[int]) -> tuple[FloatArray, FloatArray]:

@@ -17,9 +17,10 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Trajectory
-from gvla2.skills.mechanisms import CLOSED, UP, Hinge, hinge_for
+from gvla2.skills.mechanisms import CLOSED, UP, Hinge, hinge_for, slide_for
 from gvla2.skills.proposals import Grasp, Path, pointing
 from gvla2.skills.schemas.pick_place import let_go, take
+from gvla2.skills.schemas.pull import propose_shut
 
 HandAt = Callable[[float, float, float], tuple[FloatArray, FloatArray]]
 STEP = 0.22
@@ -125,7 +126,9 @@ def propose_close(job: Job) -> list[Proposal] | Abstention:
     """Move the lid with closed fingers behind its free edge until it falls by itself; or, if that edge is too far away,
     with the hand level at one side of the lid and the fingers behind it.
     """
-    hinge = hinge_for(job.theme, job.scene)
+    hinge, slide = hinge_for(job.theme, job.scene), slide_for(job.theme, job.scene)
+    if slide is not None and (hinge is None or slide.front.id == job.theme.id):
+        return propose_shut(job, slide)
     if hinge is None:
         return Abstention("unknown_skill", f"No lid is seen on the {job.theme.label}: it cannot be closed.")
     if hinge.angle < CLOSED:

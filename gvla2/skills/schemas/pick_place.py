@@ -218,7 +218,7 @@ def over_spot(job: Job, grasp: Grasp, spot: FloatArray, turn: float) -> Grasp:
     """The grasp when the theme, turned by ``turn``, is over the spot (3,) and above everything."""
     theme = job.theme
     hangs = grasp.centre[2] - theme.bottom  # from the tool down to the object's underside
-    height = min(max(job.highest, theme.bottom) + job.theta["transit_clearance"] + hangs, job.ceiling())
+    height = min(max(job.highest(spot), theme.bottom) + job.theta["transit_clearance"] + hangs, job.ceiling())
     rotation = Rotation.from_euler("z", turn)
     offset = rotation.apply(grasp.centre - theme.centre)
     over = np.array([*(spot + offset)[:2], height])

@@ -9,7 +9,7 @@ would be too oblique, there are two, along the normals of two faces.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -19,11 +19,18 @@ from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard
+from gvla2.skills.mechanisms import UP
 from gvla2.skills.proposals import Path, horizontal, pointing
 from gvla2.skills.schemas.pick_place import goal_spots
 
 EDGE = 0.006
 """The line of the push meets the face at least this far from its edge, metres: perceived boxes are inexact."""
+LEAN = 0.5
+"""How far the hand leans over a low object that stands close before something, radians."""
+CLOSE = 0.012
+"""Gap between a leaning hand's fingers and the object before the push, metres."""
+LEAN_ROOM = 0.016
+"""Gap between the object's top and the middle of a leaning palm, metres: half its depth, inclined."""
 SHORT = 0.006
 """Shorter strokes are left out, metres: perception is hardly more accurate."""
 
@@ -31,7 +38,8 @@ SHORT = 0.006
 @dataclass(frozen=True)
 class _Stroke:
     """One straight push. ``begin`` and ``end`` (3,) are the object's centre; the hand's centre is ``behind`` (3,)
-    of it, and the fingers close along ``closing`` (3,), opened to ``opening``. ``way`` (3,) is the unit direction.
+    of it, and the fingers close along ``closing`` (3,), opened to ``opening``. ``way`` (3,) is the unit direction. The
+    hand leans that way by ``lean`` radians, over the object.
     """
 
     begin: FloatArray
@@ -40,6 +48,7 @@ class _Stroke:
     behind: FloatArray
     closing: FloatArray
     opening: float
+    lean: float = 0.0
 
 
 def propose_push(job: Job) -> list[Proposal] | Abstention:
@@ -54,7 +63,11 @@ def propose_push(job: Job) -> list[Proposal] | Abstention:
     way = shift / length
     goal = goal + job.theta["push_overshoot"] * way
     proposals: list[Proposal] = []
+    low = job.theme.top - job.scene.table_height < job.hand.finger_length * np.cos(LEAN) - LEAN_ROOM
     for strokes, how, family, preference in _options(job, goal):
+        if low and len(strokes) == 1:
+            leaning = [replace(strokes[0], lean=LEAN)]
+            proposals.append(_push(job, leaning, f"{how}, hand leaning over it", family, preference - 0.2))
         if blocked := _in_the_way(job, strokes):
             how, preference = f"{how}, but '{blocked.label}' is in the way", preference - 0.5
         proposals.append(_push(job, strokes, how, family, preference))
@@ -86,6 +99,8 @@ def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[_Stroke], str, s
         radius = 0.5 * float(theme.extents[:2].max())
         for stroke in _round(theme.centre, goal, way, radius, job):
             yield [stroke], "push between two fingers", "straight", 0.9
+            closer = _closer(stroke, radius, job)
+            yield [closer], "push with the fingers close together", "straight", 0.7
         return
     normals = [n for n in theme.upright_faces() if n @ way > 1e-3]
     for normal in normals:
@@ -147,6 +162,12 @@ def _round(begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, j
         yield _Stroke(begin, end, way, behind, sign * across, opening)
 
 
+def _closer(stroke: _Stroke, radius: float, job: Job) -> _Stroke:
+    """The stroke with closed fingers, which need less room beside each other, but hardly guide a round object."""
+    behind = -(radius + 0.5 * job.hand.finger_breadth) * stroke.way
+    return replace(stroke, behind=behind, opening=0.0)
+
+
 def _push(job: Job, strokes: list[_Stroke], how: str, family: str, preference: float) -> Proposal:
     """Go behind the object, down, push, back off and up; likewise for a second stroke, equally open."""
     theta, theme = job.theta, frozenset({job.theme.id})
@@ -157,10 +178,12 @@ def _push(job: Job, strokes: list[_Stroke], how: str, family: str, preference: f
     opening = min(stroke.opening for stroke in strokes)
     for k, stroke in enumerate(strokes):
         part = f" {k + 1}" if len(strokes) > 1 else ""
-        path.orientation = pointing(stroke.closing)
+        down = -np.cos(stroke.lean) * UP - np.sin(stroke.lean) * stroke.way
+        path.orientation = pointing(stroke.closing, down)
+        standoff = CLOSE if stroke.lean else theta["standoff"]  # a leaning palm is not behind the fingers
         start, end = (
             np.array([*(c + stroke.behind)[:2], tcp])
-            for c in (stroke.begin - theta["standoff"] * stroke.way, stroke.end)
+            for c in (stroke.begin - standoff * stroke.way, stroke.end)
         )
         over = np.array([*start[:2], above])
         if k == 0:
@@ -170,7 +193,7 @@ def _push(job: Job, strokes: list[_Stroke], how: str, family: str, preference: f
         path.line(f"lower{part}", start, allowed=touched)
         touched = theme
         path.line(f"push{part}", end, allowed=touched, slow=True)
-        off = end - theta["standoff"] * stroke.way
+        off = end - standoff * stroke.way
         path.line(f"back off{part}", off, allowed=touched)
         path.line(f"retreat{part}", np.array([*off[:2], above]), allowed=touched)
     return Proposal(how, ("approach:top", f"approach:{family}"), preference, path.trajectory())

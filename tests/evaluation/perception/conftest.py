@@ -77,15 +77,6 @@ class World:
         assert observation is self.observation
         return tuple(self._names), self.ids
 
-    def points(self, *names: str, every: int = 1) -> np.ndarray:
-        """(N, 3) what the cameras see of bodies or parts; every n-th pixel."""
-        wanted = [self._names.index(name) for name in names]
-        found = [
-            view.points()[np.isin(ids, wanted)]
-            for view, ids in zip(self.observation.views, self.ids, strict=True)
-        ]
-        return np.concatenate(found)[::every]
-
 
 def _box(size: tuple[float, float, float], number: int) -> Surface:
     import trimesh

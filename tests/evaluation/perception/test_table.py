@@ -22,18 +22,17 @@ def test_medians_tails_and_shares():
     cells = []
     for seed in range(20):
         found = seed > 0
-        obj = {"found": found, "iou": 0.9 if seed else 0.1, "label": found or None, "centre_mm": float(seed)}
+        obj = {"found": found, "named": found or None, "centre_mm": float(seed)}
         cells.append(layout(seed, obj, false=0.5, seconds=1.0))
-    cells.append(layout(0, {"found": True, "iou": 0.8}, task="u", false=0.0))
+    cells.append(layout(0, {"found": True}, task="u", false=0.0))
     (table,) = PerceptionSuite.sheets(cells)
     rows = rows_of(table)
     assert list(rows) == ["t", "u", "all"]
     assert rows["t"]["found ↑"] == ("95 %", "19 of 20")
-    assert rows["t"]["label ↑"] == ("100 %", "19 of 19")
-    assert rows["t"]["mask IoU ↑"] == ("0.90", "p95 0.86"), "the worst of twenty is near the least"
-    assert rows["t"]["centre mm ↓"] == ("9.5", "p95 18.1")
+    assert rows["t"]["named right ↑"] == ("100 %", "19 of 19")
+    assert rows["t"]["centre mm ↓"] == ("9.50", "p95 18.05")
     assert rows["t"]["false a scene ↓"] == ("0.50",)
-    assert rows["u"]["label ↑"] == ("",)
+    assert rows["u"]["named right ↑"] == ("",)
     assert rows["all"]["objects"] == ("21",)
 
 

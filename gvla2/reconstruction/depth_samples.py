@@ -25,12 +25,12 @@ ALIKE = 0.8
 STEEP = 0.3
 """Cosine below which a surface is too steep for its plane to be trusted to the noise alone."""
 UNKNOWNS = LOW + KNOTS * KNOTS
-"""Of each view."""
+"""Unknowns of each view."""
 _FEWEST = 30
 
 
 @dataclass(frozen=True)
-class LookDesign:
+class DesignRows:
     """N rows of a sparse matrix over all unknowns: ``values`` (N, K) in ``columns`` (N, K)."""
 
     columns: NDArray[np.intp]
@@ -39,9 +39,9 @@ class LookDesign:
     def __matmul__(self, theta: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("nk,nk->n", self.values, theta.ravel()[self.columns]))
 
-    def scaled(self, factor: FloatArray) -> LookDesign:
+    def scaled(self, factor: FloatArray) -> DesignRows:
         """Each row times its factor (N,)."""
-        return LookDesign(self.columns, self.values * factor[:, None])
+        return DesignRows(self.columns, self.values * factor[:, None])
 
 
 class Basis:
@@ -54,7 +54,7 @@ class Basis:
         self._middle = float(np.median(np.log(depth[rows, columns])))
         self._first = number * UNKNOWNS
 
-    def at(self, uv: FloatArray, log_depth: FloatArray) -> LookDesign:
+    def at(self, uv: FloatArray, log_depth: FloatArray) -> DesignRows:
         """N rows at pixels (N, 2) of log depth (N,): the stiff terms, and the four knots around each pixel."""
         t = np.clip((uv - self._low) / self._size, 0.0, 1.0)  # (N, 2)
         knot = np.minimum((t * (KNOTS - 1)).astype(np.intp), KNOTS - 2)
@@ -66,11 +66,11 @@ class Basis:
         values = np.column_stack([np.ones(len(t)), 2 * t - 1, log_depth - self._middle, *field])
         stiff = [np.full(len(t), k) for k in range(LOW)]
         knots = [LOW + (knot[:, 0] + right) * KNOTS + knot[:, 1] + down for right, down in corners]
-        return LookDesign(self._first + np.column_stack([*stiff, *knots]), values)
+        return DesignRows(self._first + np.column_stack([*stiff, *knots]), values)
 
 
 @dataclass(frozen=True)
-class Look:
+class DepthSamples:
     """One view's solid depth and N samples of it.
 
     ``log_depth`` (H, W) NaN where not solid; ``rays`` (H, W, 3) of depth 1; ``normals`` (H, W, 3); of the samples
@@ -85,10 +85,10 @@ class Look:
     normals: FloatArray
     pixels: NDArray[np.intp]
     at: FloatArray
-    design: LookDesign
+    design: DesignRows
     nearest: FloatArray
     farthest: FloatArray
-    capped: tuple[FloatArray, LookDesign, FloatArray]
+    capped: tuple[FloatArray, DesignRows, FloatArray]
 
     def picked(self, image: FloatArray) -> FloatArray:
         """An image's values (N, ...) at the samples."""
@@ -104,7 +104,7 @@ class Look:
         return float(tried[int(np.argmin(cost))])
 
 
-def look_at(
+def sample_view(
     number: int,
     view: View,
     rays: FloatArray,
@@ -113,8 +113,8 @@ def look_at(
     front: FloatArray,
     back: FloatArray,
     caps: FloatArray,
-) -> Look | None:
-    """A view's look; None where it shows too little of what the hull holds."""
+) -> DepthSamples | None:
+    """A view's samples; None where it shows too little of what the hull holds."""
     rows, columns = np.nonzero(solid & np.isfinite(depth) & np.isfinite(front) & np.isfinite(back))
     if len(rows) < _FEWEST:
         return None
@@ -130,7 +130,7 @@ def look_at(
         basis.at((under[:, ::-1] + 0.5).astype(float), below),
         np.log(caps[under[:, 0], under[:, 1]]),
     )
-    return Look(
+    return DepthSamples(
         view.camera,
         basis,
         np.where(solid, np.log(depth), np.nan),
@@ -145,13 +145,13 @@ def look_at(
     )
 
 
-def turned(look: Look, theta: FloatArray) -> Look:
-    """The look with the normals of its corrected surface: a tilted map's own would find no partner."""
-    known = np.isfinite(look.log_depth)
-    log = look.log_depth[known]
+def with_corrected_normals(one: DepthSamples, theta: FloatArray) -> DepthSamples:
+    """The samples with the normals of their corrected surface: those of a tilted map would find no partner."""
+    known = np.isfinite(one.log_depth)
+    log = one.log_depth[known]
     depth = np.full(known.shape, np.nan)
-    depth[known] = np.exp(log + look.basis.at(look.camera.pixel_centres()[known], log) @ theta)
-    return replace(look, normals=surface_normals(depth, look.rays))
+    depth[known] = np.exp(log + one.basis.at(one.camera.pixel_centres()[known], log) @ theta)
+    return replace(one, normals=surface_normals(depth, one.rays))
 
 
 def surface_normals(depth: FloatArray, rays: FloatArray) -> FloatArray:
@@ -169,7 +169,7 @@ def _cross(depth: FloatArray, rays: FloatArray, normals: FloatArray) -> None:
             for k in range(3):
                 across[k] = depth[i, j + 1] * rays[i, j + 1, k] - depth[i, j - 1] * rays[i, j - 1, k]
                 down[k] = depth[i + 1, j] * rays[i + 1, j, k] - depth[i - 1, j] * rays[i - 1, j, k]
-            # v points down: this one looks back at the camera.
+            # v points down: this normal points back at the camera.
             x = down[1] * across[2] - down[2] * across[1]
             y = down[2] * across[0] - down[0] * across[2]
             z = down[0] * across[1] - down[1] * across[0]
@@ -186,11 +186,11 @@ class Pairs:
     """
 
     at: FloatArray
-    design: LookDesign
+    design: DesignRows
     along: FloatArray
     between: FloatArray
 
-    def gaps(self, theta: FloatArray) -> tuple[FloatArray, LookDesign]:
+    def gaps(self, theta: FloatArray) -> tuple[FloatArray, DesignRows]:
         """(N,) distances from the planes in units of relative depth, and their slopes."""
         count, width = len(self.at), self.design.columns.shape[1] // 2
         wrong = self.design.values * theta.ravel()[self.design.columns]
@@ -198,13 +198,13 @@ class Pairs:
         reach = self.along * depth
         unit = np.sqrt(0.5 * np.maximum(reach**2, (STEEP * depth) ** 2).sum(axis=1))
         by = np.repeat(reach * [1, -1] / unit[:, None], width, axis=1)
-        slopes = LookDesign(self.design.columns, self.design.values * by)
+        slopes = DesignRows(self.design.columns, self.design.values * by)
         return (reach[:, 0] - reach[:, 1] + self.between) / unit, slopes
 
 
-def linked(looks: Sequence[Look | None], theta: FloatArray, gate: float) -> Pairs | None:
+def matched_pairs(sampled: Sequence[DepthSamples | None], theta: FloatArray, gate: float) -> Pairs | None:
     """All samples that see a surface of another view, normals alike and no more than ``gate`` apart; None: none."""
-    shown = [look for look in looks if look is not None]
+    shown = [one for one in sampled if one is not None]
     found = []
     for a in shown:
         normals, rays = a.picked(a.normals), a.picked(a.rays)
@@ -213,13 +213,13 @@ def linked(looks: Sequence[Look | None], theta: FloatArray, gate: float) -> Pair
     if not found:
         return None
     at, columns, values, along, between = (np.concatenate(each) for each in zip(*found, strict=True))
-    near = np.abs(Pairs(at, LookDesign(columns, values), along, between).gaps(theta)[0]) < gate
-    pairs = Pairs(at[near], LookDesign(columns[near], values[near]), along[near], between[near])
+    near = np.abs(Pairs(at, DesignRows(columns, values), along, between).gaps(theta)[0]) < gate
+    pairs = Pairs(at[near], DesignRows(columns[near], values[near]), along[near], between[near])
     return pairs if near.any() else None
 
 
 def _link(
-    a: Look, points: FloatArray, normals: FloatArray, rays: FloatArray, b: Look
+    a: DepthSamples, points: FloatArray, normals: FloatArray, rays: FloatArray, b: DepthSamples
 ) -> tuple[NDArray[Any], ...]:
     """The pixels of b on which the samples of a fall, where both have the same normal: the arrays of :class:`Pairs`.
 
