@@ -113,7 +113,7 @@ def test_sides_are_those_of_who_faces_the_robot_and_a_goal_has_sides():
     planner = SkillPlanner(SkillConfig())
     assert at(planner.plan(facing), "place")[1] < BLUE.centre[1] - 0.05
     aside = planner.plan(replace(seen, instruction="put the red cube in the left half of the tray"))
-    assert at(aside, "place")[:2] == pytest.approx(TRAY.centre[:2] + [0.0, 0.0375])
+    assert at(aside, "place")[:2] == pytest.approx(TRAY.centre[:2] + np.array([0.0, 0.0375]))
 
 
 CUP = named("c", "red cup", "cylinder", (0.35, 0.1, 0.07), (0.095, 0.095, 0.14), opening=0.087,
