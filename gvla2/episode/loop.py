@@ -18,22 +18,23 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.episode.advice import with_sound_effects
-from gvla2.episode.evidence import RobotEvidence
-from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
-from gvla2.episode.lessons import memory_task, transcript
-from gvla2.episode.memory_reporting import stories_of
-from gvla2.episode.multi_step import (
+from gvla2.episode.attempts import (
+    back_off,
+    came_to_nothing,
     clear_the_view,
     goes_on,
+    next_attempt,
     next_part,
     rest_of_program,
     too_long,
     words_of_part,
+    worth_another,
 )
+from gvla2.episode.evidence import RobotEvidence
+from gvla2.episode.lessons import memory_task, stories_of, transcript
+from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
 from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
 from gvla2.episode.refine import GeometryComponents, refine_scene
-from gvla2.episode.replan import back_off, came_to_nothing, next_attempt, worth_another
 from gvla2.errors import (
     Gvla2Error,
     SimulationError,

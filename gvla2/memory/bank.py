@@ -169,8 +169,8 @@ class KnowledgeBank(OpenBank, Closing):
     ) -> Learned:
         """Add a lesson without an episode; durable when it returns.
 
-        A lesson from others stays provisional until verified episodes of two independent sources, or one of ours,
-        confirm it. ``trusted`` vouches for it as for the user's own episodes, and serves as verdict if none is given.
+        A lesson from others stays provisional until a verified episode of ours confirms it. ``trusted`` vouches for it
+        as for the user's own episodes, and serves as verdict if none is given.
         """
         given = verdict or _reported(True if trusted else None)
         return self.admit_many([(_lesson(lesson), given, task, source)], trusted=trusted)

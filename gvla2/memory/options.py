@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
+from gvla2.component import check_ranges
 from gvla2.errors import ConfigurationError
 
 
@@ -46,14 +46,17 @@ class BankOptions:
         """Raises :class:`~gvla2.errors.ConfigurationError` for invalid values; ``where`` they were given."""
         if self.retrieval not in ("full", "semantic"):
             raise ConfigurationError(f"{where}.retrieval is '{self.retrieval}'; it must be full or semantic.")
-        for option in fields(self):
-            value = getattr(self, option.name)
-            if isinstance(value, str | bool):
-                continue
-            if not math.isfinite(value) or value < 0:
-                raise ConfigurationError(f"{where}.{option.name} is {value}; it must not be negative.")
-            if option.name in ("match", "replay_confidence") and value > 1:
-                raise ConfigurationError(f"{where}.{option.name} is {value}; it must lie in [0, 1].")
+        shares = dict.fromkeys(("match", "replay_confidence"), (0, 1, ""))
+        numbers = (
+            "max_chars",
+            "max_per_episode",
+            "active_budget",
+            "provisional_budget",
+            "rivals",
+            "retire_days",
+        )
+        least = dict.fromkeys((*numbers, "replay_per_episode"), (0, 1e12, ""))
+        check_ranges(self, where, {**least, **shares})
 
 
 @dataclass

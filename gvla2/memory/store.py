@@ -165,6 +165,7 @@ class Store(Closing, ABC):
             foreign = type(error).__module__.startswith(("sqlite3", "psycopg"))
             if not foreign and not isinstance(error, SQLAlchemyError | OSError | UnicodeError):
                 raise
+            self._check()
             said = " ".join(str(getattr(error, "orig", None) or error).split())
             hint = next((f" {hint}" for words, hint in _HINTS.items() if re.search(words, said)), "")
             raise MemoryStoreError(f"The memory {self.name} cannot be used: {said}.{hint}") from error
@@ -296,7 +297,7 @@ class SqliteStore(Store):
 
     def _check(self) -> None:
         """Check that the file still exists: a change to a deleted file would be lost."""
-        if self._inode() != self._opened:
+        if self._opened is not None and self._inode() != self._opened:
             raise MemoryStoreError(
                 f"The memory {self.name} was deleted or replaced while it was open, and the change was not stored: "
                 f"restore it, and open it again."

@@ -15,7 +15,7 @@ from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, Stric
 from markupsafe import Markup
 from PIL import Image
 
-from gvla2.episode.memory_reporting import turns_of
+from gvla2.episode.lessons import turns_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_json, write_text

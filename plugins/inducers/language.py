@@ -90,19 +90,10 @@ def read_lessons(answer: str, verdict: Verdict, most: int) -> tuple[Lesson, ...]
     for entry in found:
         if not isinstance(entry, dict) or entry.get("type") not in _AFTER[verdict.outcome]:
             continue
-        content = entry.get("content")
+        content, evidence = entry.get("content"), entry.get("evidence")
         if isinstance(content, str) and content.strip():
-            evidence = entry.get("evidence")
-            evidence = (
-                [passage[:MAX_EVIDENCE] for passage in evidence if isinstance(passage, str)]
-                if isinstance(evidence, list)
-                else []
-            )
-            lessons.append(
-                Lesson(
-                    entry["type"],
-                    " ".join(content.split())[:MAX_CONTENT],
-                    evidence=tuple(evidence[:MOST_PASSAGES]),
-                )
-            )
+            passages = evidence if isinstance(evidence, list) else ()
+            kept = [passage[:MAX_EVIDENCE] for passage in passages if isinstance(passage, str)]
+            words = " ".join(content.split())[:MAX_CONTENT]
+            lessons.append(Lesson(entry["type"], words, evidence=tuple(kept[:MOST_PASSAGES])))
     return tuple(lessons[:most])

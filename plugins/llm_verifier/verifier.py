@@ -85,15 +85,13 @@ def criteria_set(name: str, questions: Mapping[str, str] | None = None) -> tuple
 
     Raises :class:`ConfigurationError` for an unknown set, or an empty name or question.
     """
-    if questions and not all(key.strip() and question.strip() for key, question in questions.items()):
-        raise ConfigurationError("A criterion of your own needs a name and a question; one is empty.")
     if questions:
+        if not all(key.strip() and question.strip() for key, question in questions.items()):
+            raise ConfigurationError("A criterion of your own needs a name and a question; one is empty.")
         return tuple(Criterion(key, question) for key, question in questions.items())
     if name not in SETS:
         hint = did_you_mean(name, SETS)
-        raise ConfigurationError(
-            f"No set of criteria is called '{name}'.{hint} Sets: {', '.join(SETS)}; or give questions of your own."
-        )
+        raise ConfigurationError(f"No set of criteria is called '{name}'.{hint} Sets: {', '.join(SETS)}.")
     return SETS[name]
 
 

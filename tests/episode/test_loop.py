@@ -12,7 +12,6 @@ import pytest
 from gvla2.commands.hydra_job import explain
 from gvla2.commands.run import build_components, run_episodes
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
-from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
@@ -219,22 +218,6 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learned(parts_of)
 
 def crash(*_):
     raise RuntimeError("a mistake of its own")
-
-
-def test_a_camera_that_the_robot_would_not_use_is_refused(parts_of):
-    with pytest.raises(
-        ConfigurationError, match=r"camera=replay does nothing with robot=sapien_panda.*piper"
-    ):
-        parts_of("camera=replay", "camera.path=nowhere")
-
-
-def test_a_perceiver_that_gives_no_scene_is_named(parts_of):
-    parts = parts_of(*SEEN, "memory=none")
-    blind = Wrapped(parts.perceiver, perceive=lambda *_: None)
-    record = run_episode(replace(parts, perceiver=blind), EpisodeRequest(seed=1))
-    assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
-    who = "The perceiver 'classical' of plugin 'classical'"
-    assert record.failure.message.startswith(f"{who} gave no valid scene. perceive()'s answer must be Scene")
 
 
 def test_nobody_writes_into_what_others_see(parts_of):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_components
+from gvla2.episode.attempts import rest_of_program, words_of_part
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
-from gvla2.episode.multi_step import rest_of_program, words_of_part
 from gvla2.errors import PerceptionError
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.calls import SkillCall, SkillOptions

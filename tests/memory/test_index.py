@@ -116,12 +116,6 @@ def test_nearest_is_exact(store: Store) -> None:
     assert len(index.nearest(vector, 5000)) == 300
 
 
-def test_an_empty_bank(store: Store) -> None:
-    index = fresh(store)
-    assert active(index) == index.nearest(EMBEDDER.embed(["cube"])[0], 3) == []
-    assert index.candidates(["active"]).lexical("cube").shape == (0,)
-
-
 def test_another_database_in_its_place_is_read_anew(store: Store, tmp_path: Path) -> None:
     for seed in (1, 2, 3):
         put(store, lessons(5, seed, now=NOW))

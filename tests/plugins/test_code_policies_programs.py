@@ -5,7 +5,6 @@ import time
 
 import pytest
 
-from gvla2.planning.calls import SkillCall, written
 from gvla2.planning.scene_brief import scene_brief
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
@@ -33,14 +32,6 @@ def run(text):
 )
 def test_programs_make_calls(program, calls):
     assert run(program) == calls
-
-
-def test_a_call_is_written_as_it_is_read():
-    names = {i: n for n, i in IDS.items()}
-    for line in ("pick(red)", "place(red, blue, in)", "push(red, left, 50)", "push(blue, red)"):
-        (call,) = read_calls(line, IDS, STANDARD)
-        assert written(call, names) == line
-    assert written(SkillCall("place", "red_cube", xy=(0.3, 0.1)), names) == ""
 
 
 @pytest.mark.parametrize(

@@ -1,30 +1,38 @@
-"""Programs of several plans: continuing after a successful part, in the changed scene.
+"""What follows a motion: the next part of its program, or another attempt at the whole.
 
 A planner may hand over more skill calls than one plan holds (open the drawer, then put the cube in). The loop carries
 out the plan, moves the hand out of the cameras' view, looks again, finds the objects of the remaining calls in the new
-scene, and plans on.
+scene, and plans on. An attempt that surely failed may be repeated from the start.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gvla2.episode.evidence import correspond
 from gvla2.episode.record import EpisodeRecord, Failure
-from gvla2.episode.replan import back_off
 from gvla2.errors import PerceptionError, PlanningError
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.planning.skill import Skill
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.skills.carry_out import carry_out
+from gvla2.skills.table import STANDARD
 
 AT_HOME = 0.05
 """Distance from the tool to its rest position below which the arm is out of the cameras' view, metres."""
+NO_MORE = ("not_started", "interrupted", "diverged")
+"""Stops after which the robot must not move again by itself."""
+
+RISE = 0.10
+"""Metres that the opened hand rises straight up before it goes home, or up to the workspace's edge."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +62,8 @@ def goes_on(record: EpisodeRecord) -> bool:
 
 def too_long(record: EpisodeRecord, most: int) -> EpisodeRecord:
     """The record of a program that would need more parts than allowed."""
-    left = record.planned.plan.remaining
-    message = (
-        f"The program has more than {most} parts: {_listed(left)} would come next. max_parts=NUMBER allows more; "
-        "or give the instruction in several runs."
-    )
+    left = f"{_listed(record.planned.plan.remaining)} would come next"
+    message = f"The program has more than {most} parts: {left}. max_parts=NUMBER allows more."
     return replace(record, failure=Failure("plan", "too_many_parts", message))
 
 
@@ -132,15 +137,10 @@ def _way_down(done: Trajectory) -> Trajectory | None:
     while first > 0 and waypoints[first - 1].carries == held:
         first -= 1
     back = [replace(w, stage="set down", guard=None) for w in reversed(waypoints[first:-1])]
-    return Trajectory((*back, _set_down(waypoints[first - 1], held)))
-
-
-def _set_down(grasped: Waypoint, held: str) -> Waypoint:
-    """An object is set down once the hand is back where it grasped it."""
+    grasped = waypoints[first - 1]
     touching = grasped.allowed_contacts | {held, "table"}
-    return replace(
-        grasped, stage="set down", motion="linear", carries=held, allowed_contacts=touching, guard=None
-    )
+    down = replace(grasped, stage="set down", motion="linear", carries=held, guard=None)
+    return Trajectory((*back, replace(down, allowed_contacts=touching)))
 
 
 def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, ...]:
@@ -193,3 +193,77 @@ def _known(obj: SceneObject | None, given: set[str]) -> str:
 
 def _listed(calls: Sequence[SkillCall]) -> str:
     return ", ".join(map(str, calls))
+
+
+def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
+    """Whether to replan: something was executed, surely failed, and the instruction still means the same.
+
+    "10 cm to the left" refers to where an object stood: after a failed push or placement without a visible goal it
+    means something else.
+    """
+    if record.verdict is None or record.verdict.outcome != "verified_fail" or record.plan is None:
+        return False
+    if record.report is None or not record.report.waypoints or record.after is None:
+        return False
+    if any(part.plan is not None and _relative(part.plan, skills) for part in record.whole):
+        return False
+    stopped = record.report.abort
+    return stopped is None or stopped.abort not in NO_MORE
+
+
+def _relative(plan: Plan, skills: Mapping[str, Skill]) -> bool:
+    """Whether a plan is relative to where an object stood; a place on the table stays where it is."""
+    if plan.calls:
+        return any(call.direction is not None for call in plan.calls)
+    skill = skills.get(plan.skill)
+    return skill is not None and skill.aimed and "goal" not in plan.roles
+
+
+def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
+    """The record of the next attempt, which holds the ones before; instruction and memory's answer stay."""
+    before = replace(record, attempts=())
+    return record.afresh(attempts=(*record.attempts, before), parts=())
+
+
+def came_to_nothing(record: EpisodeRecord) -> EpisodeRecord:
+    """The previous attempt, which counts when this one ended before anything moved; a note says why."""
+    before, failure = record.attempts[-1], record.failure
+    why = f"at '{failure.stage}' ({failure.kind}): {failure.message}" if failure else "without a plan."
+    note = f"Attempt {len(record.attempts) + 1} ended before anything moved, {why}"
+    spent = Counter(before.timings)
+    spent.update(record.timings)
+    return replace(before, attempts=record.attempts[:-1], timings=dict(spent), notes=(*before.notes, note))
+
+
+def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionListener) -> str:
+    """Open the hand where the attempt left it, rise and go home, so that the cameras see the table.
+
+    Returns "" or a sentence on what prevented it; the next attempt then starts from where the arm is.
+    """
+    scene = attempt.after_scene or attempt.seen.scene
+    way = _way_home(robot, attempt.executed.after.world_from_tcp[:3, 3], scene)
+    stopped = robot.execute(way, scene, listener).abort
+    if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found
+        stopped = robot.execute(Trajectory(way.waypoints[-1:]), scene, listener).abort
+    return f"The arm did not reach home before the next look: {stopped.message}" if stopped else ""
+
+
+def _way_home(robot: RobotBackend, here: FloatArray, scene: Scene) -> Trajectory:
+    """From the tool's position (3,), metres: open, straight up, home."""
+    arm = robot.arm
+    home = arm.forward(arm.home)
+    up = np.array([here[0], here[1], min(here[2] + RISE, float(arm.workspace.high[2]))])
+    near = frozenset({o.id for o in scene.objects} | {"table"})
+    turned = Orientation("grasp", _tuple(home[:3, 2]), _tuple(home[:3, 1]))
+    return Trajectory(
+        (
+            Waypoint(_tuple(here), 1.0, "let go", motion="linear", allowed_contacts=near),
+            Waypoint(_tuple(up), 1.0, "back off", motion="linear", speed=0.1, allowed_contacts=near),
+            Waypoint(_tuple(home[:3, 3]), 1.0, "home", turned, tolerance=0.02),
+        )
+    )
+
+
+def _tuple(point: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in point)
+    return x, y, z
