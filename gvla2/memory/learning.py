@@ -242,7 +242,8 @@ class Learning:
         elif known is not None:
             grown = confirmed(known, fresh, self._episode, self._verdict, ledger.now)
             record = replace(grown, state="active", outcome=fresh.outcome, trust="own", note="")
-        near = ledger.index.nearest(vector, ledger.options.rivals) if ledger.options.governance else ()
+        compared = ledger.options.governance and record.effect  # texts are for a judge
+        near = ledger.index.nearest(vector, ledger.options.rivals) if compared else ()
         against = [
             (rival, why)
             for rival, cosine in near
