@@ -84,7 +84,9 @@ def test_the_grammar_of_calls_is_well_formed_and_has_what_fits():
     assert "amount" not in rules(grammar(STANDARD, FITS, "push the cube to the left"))["call"]
 
 
-@pytest.mark.parametrize(("skill", "example"), [(s, e) for s, each in worked_examples().items() for e in each])
+@pytest.mark.parametrize(
+    ("skill", "example"), [(s, e) for s, each in worked_examples().items() for e in each]
+)
 def test_examples_can_be_read(skill, example):
     names = {line.partition(" ")[0] for line in example.objects.splitlines()}
     (call,) = read_calls(example.call, {n: n for n in names}, STANDARD)
