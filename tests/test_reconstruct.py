@@ -198,7 +198,7 @@ def test_a_real_scan(tmp_path: Path):
     [
         ([], "views=FOLDER"),
         (["views=nowhere"], "no such folder"),
-        (["views={folder}", "views_spec=0-9"], "here is no view"),
+        (["views={folder}", "views_spec=0-9"], "There is no view 7"),
         (["views={folder}", "views_spec=0-3", "targets=3-5"], "both input and target"),
         (["views={folder}", "truth=nowhere.obj"], "no such file"),
         (["views={folder}", "reconstructor=none"], "Choose another with reconstructor=NAME: "),

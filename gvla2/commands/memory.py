@@ -76,9 +76,9 @@ class MemoryRequest:
     @property
     def url(self) -> str:
         """The database's address."""
-        from gvla2.memory.store import settled
+        from gvla2.memory.store import resolved_address
 
-        return settled(self.config.url, os.environ)
+        return resolved_address(self.config.url, os.environ)
 
     @contextmanager
     def store(self, *, create: bool = False) -> Iterator[Store]:
