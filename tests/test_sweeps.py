@@ -208,4 +208,4 @@ def test_the_first_line_names_the_bank(compose_run: Any, registry: Any):
     config = compose_run()
     with closing(registry.build(config, "memory")) as memory:
         line = run.bank_line(config, memory)
-    assert re.fullmatch(r"memory governed, bank 'default' of sqlite:///.*memory\.db: 0 lessons", line)
+    assert re.fullmatch(r"memory governed, bank 'default' of sqlite:///.*memory\.db", line)

@@ -219,16 +219,12 @@ def _run_one(
 
 
 def bank_line(config: RunConfig, memory: Memory) -> str:
-    """Which bank the run uses and how many lessons it holds, in a sentence."""
+    """Which bank the run uses, in a sentence."""
     options: Any = getattr(config, "memory")  # noqa: B009  # a field that the bridge to Hydra adds
-    stats = getattr(memory, "stats", None)
-    if not callable(stats):
+    bank = getattr(options, "bank", "")
+    if not bank:
         return f"memory {options.name} keeps no bank"
-    try:
-        held = count(sum(stats()["types"].values()), "lesson")
-    except Gvla2Error as error:
-        held = str(error)
-    return f"memory {options.name}, bank '{options.bank}' of {getattr(memory, 'url', options.url)}: {held}"
+    return f"memory {options.name}, bank '{bank}' of {getattr(memory, 'url', options.url)}"
 
 
 class Tracking:
