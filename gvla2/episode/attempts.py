@@ -54,7 +54,7 @@ class Continuation:
         return plan
 
 
-def goes_on(record: EpisodeRecord) -> bool:
+def has_next_part(record: EpisodeRecord) -> bool:
     """Whether the program has more parts, and nothing suggests that the last one failed."""
     return (
         record.failure is None
@@ -64,10 +64,10 @@ def goes_on(record: EpisodeRecord) -> bool:
     )
 
 
-def too_long(record: EpisodeRecord, most: int) -> EpisodeRecord:
+def stop_at_limit(record: EpisodeRecord, max_parts: int) -> EpisodeRecord:
     """The record of a program that would need more parts than allowed."""
     left = f"{_listed(record.planned.plan.remaining)} would come next"
-    message = f"The program has more than {most} parts: {left}. max_parts=NUMBER allows more."
+    message = f"The program has more than {max_parts} parts: {left}. max_parts=NUMBER allows more."
     return replace(record, failure=Failure("plan", "too_many_parts", message))
 
 
@@ -76,7 +76,7 @@ def next_part(record: EpisodeRecord) -> EpisodeRecord:
     return record.afresh(parts=record.whole)
 
 
-def rest_of_program(record: EpisodeRecord) -> Continuation:
+def remaining_program(record: EpisodeRecord) -> Continuation:
     """The calls that the previous part left to do, with ids of the record's scene.
 
     Raises :class:`PerceptionError` if one of its objects was not seen again.
@@ -112,7 +112,7 @@ def _translated(call: SkillCall, now: dict[str, str], scene: Scene) -> SkillCall
     return replace(call, theme=now.get(call.theme, ""), goal=now.get(call.goal, ""))
 
 
-def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
+def clear_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
     """Move the hand out of the cameras' view before the next look, if it is in it; a held object is set down first.
 
     Returns "" or a sentence on what prevented it.
@@ -178,7 +178,7 @@ def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, .
     return tuple(reported)
 
 
-def words_of_part(record: EpisodeRecord) -> str:
+def part_instruction(record: EpisodeRecord) -> str:
     """The instruction of this part alone, in the user's or gvla2's own words: "place the red cube in".
 
     A verifier must not judge a part by the whole sentence, and a perceived label must not reach it as if the user
@@ -213,7 +213,7 @@ def _listed(calls: Sequence[SkillCall]) -> str:
     return ", ".join(map(str, calls))
 
 
-def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
+def should_replan(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
     """Whether to replan: something was executed, surely failed, and the instruction still means the same.
 
     "10 cm to the left" refers to where an object stood: after a failed push or placement without a visible goal it
@@ -243,7 +243,7 @@ def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
     return record.afresh(attempts=(*record.attempts, before), parts=())
 
 
-def came_to_nothing(record: EpisodeRecord) -> EpisodeRecord:
+def previous_attempt_stands(record: EpisodeRecord) -> EpisodeRecord:
     """The previous attempt, which counts when this one ended before anything moved; a note says why."""
     before, failure = record.attempts[-1], record.failure
     why = f"at '{failure.stage}' ({failure.kind}): {failure.message}" if failure else "without a plan."
