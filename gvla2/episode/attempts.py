@@ -17,12 +17,14 @@ from gvla2.episode.evidence import correspond
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PerceptionError, PlanningError
 from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.skill import Skill
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener, RobotBackend
+from gvla2.robot.report import ExecutionReport
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
 
@@ -31,6 +33,8 @@ AT_HOME = 0.05
 NO_MORE = ("not_started", "interrupted", "diverged")
 """Stops after which the robot must not move again by itself."""
 
+MOVED = 0.02
+"""Distance by which a camera must have moved for its picture to show other things, metres."""
 RISE = 0.10
 """Metres that the opened hand rises straight up before it goes home, or up to the workspace's edge."""
 
@@ -50,7 +54,7 @@ class Continuation:
         return plan
 
 
-def goes_on(record: EpisodeRecord) -> bool:
+def has_next_part(record: EpisodeRecord) -> bool:
     """Whether the program has more parts, and nothing suggests that the last one failed."""
     return (
         record.failure is None
@@ -60,10 +64,10 @@ def goes_on(record: EpisodeRecord) -> bool:
     )
 
 
-def too_long(record: EpisodeRecord, most: int) -> EpisodeRecord:
+def stop_at_limit(record: EpisodeRecord, max_parts: int) -> EpisodeRecord:
     """The record of a program that would need more parts than allowed."""
     left = f"{_listed(record.planned.plan.remaining)} would come next"
-    message = f"The program has more than {most} parts: {left}. max_parts=NUMBER allows more."
+    message = f"The program has more than {max_parts} parts: {left}. max_parts=NUMBER allows more."
     return replace(record, failure=Failure("plan", "too_many_parts", message))
 
 
@@ -72,7 +76,7 @@ def next_part(record: EpisodeRecord) -> EpisodeRecord:
     return record.afresh(parts=record.whole)
 
 
-def rest_of_program(record: EpisodeRecord) -> Continuation:
+def remaining_program(record: EpisodeRecord) -> Continuation:
     """The calls that the previous part left to do, with ids of the record's scene.
 
     Raises :class:`PerceptionError` if one of its objects was not seen again.
@@ -108,7 +112,7 @@ def _translated(call: SkillCall, now: dict[str, str], scene: Scene) -> SkillCall
     return replace(call, theme=now.get(call.theme, ""), goal=now.get(call.goal, ""))
 
 
-def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
+def clear_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
     """Move the hand out of the cameras' view before the next look, if it is in it; a held object is set down first.
 
     Returns "" or a sentence on what prevented it.
@@ -125,6 +129,20 @@ def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: Execution
             return f"The held object could not be set down before the next part: {stopped.message}"
         part = replace(part, after=robot.observe(), after_scene=None)  # it stands where it stood before
     return back_off(robot, part, listener)
+
+
+def cameras_moved(before: Observation, after: Observation) -> bool:
+    """Whether a camera sits on the arm: its two pictures of the scene cannot be compared before the arm is back."""
+    return any(
+        float(np.linalg.norm(one.camera.position - other.camera.position)) > MOVED
+        for one, other in zip(before.views, after.views, strict=False)
+    )
+
+
+def hand_is_free(report: ExecutionReport) -> bool:
+    """Whether the motion left an empty hand that may move on by itself."""
+    stopped = report.abort is not None and report.abort.abort in (*NO_MORE, "expired")
+    return bool(report.waypoints) and not stopped and not report.waypoints[-1].held
 
 
 def _way_down(done: Trajectory) -> Trajectory | None:
@@ -160,7 +178,7 @@ def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, .
     return tuple(reported)
 
 
-def words_of_part(record: EpisodeRecord) -> str:
+def part_instruction(record: EpisodeRecord) -> str:
     """The instruction of this part alone, in the user's or gvla2's own words: "place the red cube in".
 
     A verifier must not judge a part by the whole sentence, and a perceived label must not reach it as if the user
@@ -195,7 +213,7 @@ def _listed(calls: Sequence[SkillCall]) -> str:
     return ", ".join(map(str, calls))
 
 
-def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
+def should_replan(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
     """Whether to replan: something was executed, surely failed, and the instruction still means the same.
 
     "10 cm to the left" refers to where an object stood: after a failed push or placement without a visible goal it
@@ -225,7 +243,7 @@ def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
     return record.afresh(attempts=(*record.attempts, before), parts=())
 
 
-def came_to_nothing(record: EpisodeRecord) -> EpisodeRecord:
+def previous_attempt_stands(record: EpisodeRecord) -> EpisodeRecord:
     """The previous attempt, which counts when this one ended before anything moved; a note says why."""
     before, failure = record.attempts[-1], record.failure
     why = f"at '{failure.stage}' ({failure.kind}): {failure.message}" if failure else "without a plan."
@@ -258,7 +276,7 @@ def _way_home(robot: RobotBackend, here: FloatArray, scene: Scene) -> Trajectory
     return Trajectory(
         (
             Waypoint(_tuple(here), 1.0, "let go", motion="linear", allowed_contacts=near),
-            Waypoint(_tuple(up), 1.0, "back off", motion="linear", speed=0.1, allowed_contacts=near),
+            Waypoint(_tuple(up), 1.0, "back off", motion="linear", allowed_contacts=near),
             Waypoint(_tuple(home[:3, 3]), 1.0, "home", turned, tolerance=0.02),
         )
     )

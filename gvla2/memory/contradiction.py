@@ -90,7 +90,7 @@ class Judged:
 def judge(
     bank: OpenBank, judge: Judge, *, about: Collection[str] | None = None, limit: int | None = None
 ) -> Judged:
-    """Have at most ``limit`` pairs of similar lessons in words decided, of which one is in ``about`` (all by default).
+    """Let the judge decide at most ``limit`` pairs of similar lessons in words, with a record in ``about`` if given.
 
     The judge works outside any transaction. Of two of one type that contradict each other the less trusted is archived,
     of equally trusted ones the one with less evidence; a hint and a constraint both stay, linked.

@@ -33,7 +33,7 @@ from gvla2.memory.events import StoredEpisode
 from gvla2.memory.governance import govern
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.ledger import LessonLedger, OpenBank, deciding
-from gvla2.memory.records import MAX_QUERY, Record, clean, dedup_key
+from gvla2.memory.records import MAX_QUERY, Record, Trust, clean, dedup_key
 
 CHUNK = 256
 """Lessons without an episode that share a transaction."""
@@ -97,10 +97,10 @@ def admit(bank: OpenBank, items: Sequence[JudgedEpisode]) -> Learned:
 
 
 def _weighed(
-    bank: OpenBank, judged: Sequence[JudgedEpisode], fates: list[Learned], most: int
+    bank: OpenBank, judged: Sequence[JudgedEpisode], fates: list[Learned], limit: int
 ) -> list[tuple[JudgedEpisode, list[Weighed]]]:
-    """Which lessons of each episode may be stored, ``most`` of each; embedded in one go, outside the transaction."""
-    weighed = [(one, _admitted(bank, one, fates, most)) for one in judged]
+    """Which lessons of each episode may be stored, ``limit`` of each; embedded in one go, outside the transaction."""
+    weighed = [(one, _admitted(bank, one, fates, limit)) for one in judged]
     texts = [
         (phrasings("", one.episode.task.query), candidate.lesson.content)
         for one, some in weighed
@@ -110,20 +110,21 @@ def _weighed(
     return [(one, [replace(each, vector=next(vectors)) for each in some]) for one, some in weighed]
 
 
-def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], most: int) -> list[Weighed]:
+def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], limit: int) -> list[Weighed]:
     episode, admitted, notes = one.episode, dict[str, Weighed](), list[str]()
     for given in episode.lessons:
         lesson = replace(given, content=clean(given.content, MAX_CONTENT))
         if wrong := invalid(lesson):
             notes.append(f"A lesson was left out: {wrong}.")
             continue
-        trust, unsure = "own" if one.own else "foreign", one.unsure.get(given.content, "")
+        trust: Trust = "own" if one.own else "foreign"
+        unsure = one.unsure.get(given.content, "")
         candidate = weigh(lesson, one.verdict, bank.options, trust=trust, ungrounded=unsure)
         key = dedup_key(lesson.type, lesson.content, episode.task.skill, lesson.effect)
         if candidate.state is None:
             notes.append(candidate.note)
-        elif key not in admitted and len(admitted) >= most:
-            notes.append(f"One episode may bring {most} lessons: the rest was left out.")
+        elif key not in admitted and len(admitted) >= limit:
+            notes.append(f"One episode may bring {limit} lessons: the rest was left out.")
         else:
             admitted.setdefault(key, replace(candidate, key=key))
     fates.append(Learned(discarded=len(episode.lessons) - len(admitted), notes=tuple(notes)))
@@ -241,7 +242,8 @@ class Learning:
         elif known is not None:
             grown = confirmed(known, fresh, self._episode, self._verdict, ledger.now)
             record = replace(grown, state="active", outcome=fresh.outcome, trust="own", note="")
-        near = ledger.index.nearest(vector, ledger.options.rivals) if ledger.options.governance else ()
+        compared = ledger.options.governance and record.effect  # texts are for a judge
+        near = ledger.index.nearest(vector, ledger.options.rivals) if compared else ()
         against = [
             (rival, why)
             for rival, cosine in near

@@ -13,17 +13,16 @@ class BankOptions:
     """What a bank admits, shows and keeps.
 
     Switches, each of them an ablation of the paper when turned off: ``admission`` (off: unverified lessons are admitted
-    too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is merged by similarity, retired, or
-    archived for the budget, and contradictions stay), ``failures`` (off: nothing is learned from failures).
-    ``retrieval`` is "full", or "semantic", which ranks by similarity alone. ``frozen`` stops learning while recall goes
-    on.
+    too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, or archived for the
+    budget, and contradictions stay), ``failures`` (off: nothing is learned from failures). ``retrieval`` is "full", or
+    "semantic", which ranks by similarity alone. ``frozen`` stops learning while recall goes on.
 
     Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
     records.
 
-    Consolidation compares a lesson with the ``rivals`` nearest records above a cosine of ``match``. Governance retires
-    unused failures after ``retire_days``. Replay looks at records with a confidence below ``replay_confidence``, at
-    most ``replay_per_episode`` episodes after each that is learned (0: only on demand).
+    Contradicting effects are looked for among the ``rivals`` nearest records; a judge compares lessons above a cosine
+    of ``match``. Governance retires unused failures after ``retire_days``. Replay looks at records with a confidence
+    below ``replay_confidence``, at most ``replay_per_episode`` episodes after each that is learned (0: only on demand).
     """
 
     admission: bool = True

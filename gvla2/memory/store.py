@@ -186,7 +186,7 @@ class Store(Closing, ABC):
 
     def _has_tables(self, connection: Connection) -> bool:
         """Whether the database has our tables; raises for another program's or version's, and for a corrupt one."""
-        names = set(connection.dialect.get_table_names(connection))  # type: ignore[no-untyped-call]
+        names = set(connection.dialect.get_table_names(connection))
         if META.name not in names:
             if names.isdisjoint(table.name for table in TABLES) and (self.shared or not names):
                 return False
@@ -376,7 +376,7 @@ class PostgresStore(Store):
         connection.exec_driver_sql("CHECKPOINT")
 
 
-def settled(address: str, environment: Mapping[str, str]) -> str:
+def resolved_address(address: str, environment: Mapping[str, str]) -> str:
     """The absolute address to open for ``address``, since a run may change its working directory later.
 
     "" is ``memory.db`` in ``$GVLA2_HOME``, else in ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``.

@@ -49,10 +49,10 @@ class GovernedMemory:
     """
 
     def __init__(self, config: GovernedConfig, **components: Any) -> None:
-        from gvla2.memory.store import check_bank, settled
+        from gvla2.memory.store import check_bank, resolved_address
 
         # Absolute from the start: a run may change its working directory later.
-        self.url = settled(config.url, os.environ)
+        self.url = resolved_address(config.url, os.environ)
         check_bank(config.bank)
         config.check("memory")
         self._config, self._components = config, components

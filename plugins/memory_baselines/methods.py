@@ -25,7 +25,7 @@ from gvla2.memory.contracts import (
 from gvla2.memory.induction import MOST_ACTS, acts_of
 from gvla2.memory.records import Record
 from gvla2.memory.rendering import CLOSING, OPENING, effect_words, neutralised, render
-from gvla2.memory.store import Store, check_bank, settled
+from gvla2.memory.store import Store, check_bank, resolved_address
 from gvla2_plugins.memory_baselines import VectorStoreConfig
 from gvla2_plugins.memory_baselines.store import Draft, Found, VectorStore
 
@@ -72,7 +72,7 @@ class WholeMethod:
         inducer: Inducer | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self.url = settled(config.url, os.environ)
+        self.url = resolved_address(config.url, os.environ)
         check_bank(config.bank)
         self._config, self._method, self._embedder = config, method, embedder
         self._inducer, self._clock = inducer, clock

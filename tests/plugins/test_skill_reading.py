@@ -21,7 +21,7 @@ from gvla2.skills.multi_step import first_part
 from gvla2_plugins.skill.planner import read
 from gvla2_plugins.skill.reading import Command, readings
 from gvla2_plugins.tabletop import gvla2_tasks
-from gvla2_plugins.tabletop_objects.asking import WORDINGS
+from gvla2_plugins.tabletop_objects.task import WORDINGS
 
 TASKS = {component.name: component for component in gvla2_tasks()}
 SPACE = Box(np.array([-0.3, -0.7, 0.75]), np.array([0.8, 0.7, 1.7]))
