@@ -183,16 +183,18 @@ def leave(self, request):
         (leave, RuntimeError, "RuntimeError: SystemExit(7) would have ended the process"),
     ],
 )
-def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatch, crash, error, shown):
+def test_a_crash_is_recorded_with_its_stage(
+    registry, compose_run, tmp_path, monkeypatch, crash, error, shown
+):
     from gvla2_plugins.skill.planner import SkillPlanner
 
     crash_in_its_module = types.FunctionType(crash.__code__, vars(sys.modules[SkillPlanner.__module__]))
     monkeypatch.setattr(SkillPlanner, "plan", crash_in_its_module)
     with pytest.raises(error) as caught:
         run_episodes(compose_run(*QUICK), registry, tmp_path / "out")
-    assert explain(caught.value) == f"{shown}. The planner 'skill' of plugin 'skill' crashed."
+    assert explain(caught.value) == shown
     failure = json.loads((tmp_path / "out" / "result.json").read_text())["failure"]
-    assert failure["message"] == f"The planner 'skill' of plugin 'skill' crashed: {shown}"
+    assert (failure["stage"], failure["message"]) == ("plan", shown)
 
 
 def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learned(parts_of):
