@@ -17,12 +17,14 @@ from gvla2.episode.evidence import correspond
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PerceptionError, PlanningError
 from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.skill import Skill
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener, RobotBackend
+from gvla2.robot.report import ExecutionReport
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
 
@@ -31,6 +33,8 @@ AT_HOME = 0.05
 NO_MORE = ("not_started", "interrupted", "diverged")
 """Stops after which the robot must not move again by itself."""
 
+MOVED = 0.02
+"""Distance by which a camera must have moved for its picture to show other things, metres."""
 RISE = 0.10
 """Metres that the opened hand rises straight up before it goes home, or up to the workspace's edge."""
 
@@ -125,6 +129,20 @@ def clear_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionList
             return f"The held object could not be set down before the next part: {stopped.message}"
         part = replace(part, after=robot.observe(), after_scene=None)  # it stands where it stood before
     return back_off(robot, part, listener)
+
+
+def cameras_moved(before: Observation, after: Observation) -> bool:
+    """Whether a camera sits on the arm: its two pictures of the scene cannot be compared before the arm is back."""
+    return any(
+        float(np.linalg.norm(one.camera.position - other.camera.position)) > MOVED
+        for one, other in zip(before.views, after.views, strict=False)
+    )
+
+
+def hand_is_free(report: ExecutionReport) -> bool:
+    """Whether the motion left an empty hand that may move on by itself."""
+    stopped = report.abort is not None and report.abort.abort in (*NO_MORE, "expired")
+    return bool(report.waypoints) and not stopped and not report.waypoints[-1].held
 
 
 def _way_down(done: Trajectory) -> Trajectory | None:
@@ -258,7 +276,7 @@ def _way_home(robot: RobotBackend, here: FloatArray, scene: Scene) -> Trajectory
     return Trajectory(
         (
             Waypoint(_tuple(here), 1.0, "let go", motion="linear", allowed_contacts=near),
-            Waypoint(_tuple(up), 1.0, "back off", motion="linear", speed=0.1, allowed_contacts=near),
+            Waypoint(_tuple(up), 1.0, "back off", motion="linear", allowed_contacts=near),
             Waypoint(_tuple(home[:3, 3]), 1.0, "home", turned, tolerance=0.02),
         )
     )

@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from gvla2.episode.attempts import (
     back_off,
+    cameras_moved,
     clear_view,
+    hand_is_free,
     has_next_part,
     next_attempt,
     next_part,
@@ -386,6 +388,10 @@ def _execute(
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
         after = _look(components, request, 2 * _looks(record) + 1)
+        if cameras_moved(record.seen.observation, after) and hand_is_free(report):
+            note = back_off(components.robot, replace(record, after=after), _moving(listener))
+            record = replace(record, notes=(*record.notes, note)) if note else record
+            after = _look(components, request, 2 * _looks(record) + 1)
         return replace(record, after=after, after_scene=_perceived(after, record, components))
     except SimulationError as error:
         return replace(record, failure=Failure("execute", VOID, str(error)))

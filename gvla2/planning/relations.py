@@ -11,12 +11,14 @@ from typing import Literal
 
 import numpy as np
 
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import SIDES, Scene, SceneObject
 
 CLOSE, BESIDE = 0.012, 0.25
 """Heights that differ less may touch; objects next to one another are no further apart, centre to centre; metres."""
 ASKEW = 0.35
 """What stands on the edge of something has its middle no further beyond it than this share of its own width."""
+SQUARE = 0.5
+"""What is squarely to a side of something is in a direction from it with this cosine to the side's."""
 ASTRIDE, MIDWAY = 0.4, 0.15
 """What is between two others is less off their line than this share of its length; of several, those count that are
 not further off than the nearest one by the second share."""
@@ -60,10 +62,23 @@ def holds_any(obj: SceneObject, relation: str, marks: Sequence[SceneObject], sce
     return any(holds(obj, relation, mark, scene) for mark in marks if mark is not obj)
 
 
-def nearest(objects: Sequence[SceneObject], marks: Sequence[SceneObject]) -> list[SceneObject]:
-    """Those that are nearest to any of the marks, by their middles."""
-    gaps = [min(_gap(o, mark) for mark in marks) for o in objects]
-    return [o for o, gap in zip(objects, gaps, strict=True) if gap <= min(gaps) + PLACE_SLACK]
+def related(
+    objects: Sequence[SceneObject], relation: str, marks: Sequence[SceneObject], scene: Scene
+) -> list[SceneObject]:
+    """Those in the relation to any of the marks: beside it the nearest, and to a side those that are squarely there,
+    if any are.
+    """
+    there = [o for o in objects if holds_any(o, relation, marks, scene)]
+    if relation == "beside" and there:
+        there = [o for o in there if not holds_any(o, "on", marks, scene)] or there
+        gaps = [min(_gap(o, mark) for mark in marks) for o in there]
+        return [o for o, gap in zip(there, gaps, strict=True) if gap <= min(gaps) + PLACE_SLACK]
+    if relation in SIDES:
+        way = scene.side(relation)
+        return [
+            o for o in there if any((o.centre - m.centre) @ way > SQUARE * _gap(o, m) for m in marks)
+        ] or there
+    return there
 
 
 def between_two(objects: Sequence[SceneObject], one: SceneObject, other: SceneObject) -> list[SceneObject]:

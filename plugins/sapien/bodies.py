@@ -17,7 +17,7 @@ from gvla2_plugins.sapien.convex import piece_file, pieces
 
 
 def import_sapien() -> Any:
-    """The module ``sapien``; raises :class:`MissingDependencyError` naming the missing part."""
+    """The module ``sapien``; raises :class:`MissingDependencyError` naming what is missing."""
     try:
         with warnings.catch_warnings():
             # It looks for Vulkan, which CPU physics does not need.

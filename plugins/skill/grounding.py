@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, may_look, meant_by
 from gvla2.planning.contracts import Abstention, AbstentionKind
 from gvla2.planning.part_hierarchy import is_ajar, root_of
-from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, nearest
+from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, related
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.skill.reading import ITS, SIDES_OF, Noun, Place, Where
 
@@ -371,10 +371,7 @@ def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Contex
         ends = marks[0] if len(marks) == 1 else [mark[0] for mark in marks]
         return between_two(fits, ends[0], ends[1]) if len(ends) == 2 else []
     at = ground(noun, scene, context, mark=place.relation in ("in", "from"))
-    there = [o for o in fits if o not in at and holds_any(o, place.relation, at, scene)]
-    if place.relation == "beside":
-        return nearest([o for o in there if not holds_any(o, "on", at, scene)] or there, at)
-    return there
+    return related([o for o in fits if o not in at], place.relation, at, scene)
 
 
 def section(noun: Noun, scene: Scene, context: Context) -> tuple[SceneObject, tuple[float, float]] | None:

@@ -276,11 +276,3 @@ def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, shown
     assert record.success_check.relaxed
     for note, what in zip(record.notes, ("Memory was not used: ", "Nothing was learned: "), strict=True):
         assert note.startswith(f"{what}The memory 'governed' of plugin 'governed' {shown}")
-
-
-def test_the_same_seed_twice_is_the_same_episode(parts_of):
-    parts = parts_of(*SEEN, "memory=none")
-    first, second = (run_episode(parts, EpisodeRequest(seed=5)) for _ in range(2))
-    assert first.plan.trajectory.to_json() == second.plan.trajectory.to_json()
-    np.testing.assert_array_equal(first.report.joint_path, second.report.joint_path)
-    assert first.success_check == second.success_check

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.memory import KnowledgeBank, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.admission import pooled_effects
-from gvla2.memory.transaction import Transaction
 
 Open = Callable[..., Any]
 BOUND = {"kind": "bound", "parameter": "grasp_depth", "value": 0.03, "op": ">=", "sd": 0.0, "count": 0,
@@ -185,30 +184,6 @@ def test_switches(open_bank: Open, episode: Open, verdicts: Any) -> None:
     many = [Lesson("tool_usage", f"lesson {i}") for i in range(9)]
     capped = open_bank(max_per_episode=4).learn(episode("q", *many), verdicts["success"])
     assert (len(capped.added), capped.discarded) == (4, 5)
-
-
-def test_interrupting_a_transaction_stores_nothing_of_it(
-    open_bank: Open, episode: Open, verdicts: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bank = open_bank()
-    bank.learn(episode("Pick up the red cube", lesson()), verdicts["success"])
-    context = bank.recall(MemoryTask("Pick up the red cube"))
-    before = bank.records()
-    calls = []
-    finish = Transaction.finish
-
-    def stop_when_written(self: Transaction) -> None:
-        finish(self)
-        calls.append(1)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Transaction, "finish", stop_when_written)
-    with pytest.raises(KeyboardInterrupt):
-        bank.learn(
-            episode("Pick up the red cube", lesson(), TOOL, AVOID, recalled=context), verdicts["success"]
-        )
-    assert calls
-    assert bank.records() == before
 
 
 def test_unsound_effects_and_odd_text_are_survived(open_bank: Open, episode: Open, verdicts: Any) -> None:

@@ -90,17 +90,6 @@ def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, ve
     assert bank.verify() == []
 
 
-def test_programs_never_contradict_each_other_nor_merge(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    for step in ("place({theme}, {goal}, in)", "push({theme}, left)"):
-        roles = {"theme": "cup"}
-        effect = {"kind": "program", "skill": "place", "language": "calls", "roles": roles, "steps": [step]}
-        lesson = Lesson("procedural_hint", "This program put the cup into the box.", effect)
-        bank.admit(lesson, verdicts["success"], task="tidy up", trusted=True)
-    assert [(r.state, r.count) for r in bank.records()] == [("active", 1)] * 2
-    assert not look(bank.store, bank.bank).links()
-
-
 # By a judge
 
 

@@ -74,12 +74,6 @@ def test_imitations_and_control_characters_are_neutralised(attack: str) -> None:
     assert sum(line in (HINTS, CONSTRAINTS) for line in text.split("\n")) == 2
 
 
-def test_a_megabyte_is_bounded() -> None:
-    text = render([item("\ufdfa" * 350_000), item("word " * 200_000, binding=True)], max_chars=1500)
-    assert_framed(text, lines=6)
-    assert len(text) <= 1500
-
-
 @given(
     st.lists(st.tuples(st.text(max_size=900), st.booleans(), st.text(max_size=80)), max_size=8),
     st.integers(0, 3000),
