@@ -50,6 +50,8 @@ AROUND = 0.014
 """Metres around such an object within which seen points are of it: its samples lie farther apart."""
 FLOATS = 0.015
 """A body whose lowest seen points are this high above the table, metres, stands on something."""
+LARGER, WITH_OTHERS = 1.05, 1.4
+"""How much longer than a scan a body may be that is that object, and one that may have remainders of others in it."""
 LAYER = 0.015
 """Steps of height in which what stands on something else is looked for, metres."""
 RARE, LEAST_THERE = 0.001, 0.5
@@ -191,9 +193,9 @@ class Gallery:
 
         Several ``looks`` are parts of one body, among which each scan is laid onto that which it fits best.
         """
-        starts = sorted(
-            (one for seen in looks for one in self._starts(seen, taller)), key=lambda each: each[0]
-        )
+        larger = LARGER if len(looks) == 1 else WITH_OTHERS
+        starts = [one for seen in looks for one in self._starts(seen, taller, larger)]
+        starts.sort(key=lambda each: each[0])
 
         def best(scan: KnownScan, seen: SeenPoints, poses: list[FloatArray]) -> Fit:
             return max((judged(scan, seen, refined(scan, seen, pose)) for pose in poses), key=_likelihood)
@@ -211,7 +213,7 @@ class Gallery:
         return sorted(found.values(), key=_likelihood, reverse=True)
 
     def _starts(
-        self, seen: SeenPoints, taller: float
+        self, seen: SeenPoints, taller: float, larger: float
     ) -> list[tuple[float, KnownScan, SeenPoints, list[FloatArray]]]:
         """Each scan of about the seen size and colours with its best starts, and how far the best of them is off."""
         known = np.isfinite(seen.looks).all(axis=1)
@@ -221,7 +223,7 @@ class Gallery:
         for scan, colours in zip(self._scans, self._histograms, strict=True):
             if scan.links:  # they are found as a whole, with their parts: see `fixtures`
                 continue
-            if not 0.6 * scan.diameter - 0.01 < size < 1.05 * scan.diameter + 0.01:
+            if not 0.6 * scan.diameter - 0.01 < size < larger * scan.diameter + 0.01:
                 continue
             if own is not None and np.minimum(own, colours).sum() < LEAST_SHARED:
                 continue

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from gvla2.geometry.transform import invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import Views
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.fitting import sights_of
-from gvla2.perception.gallery import Gallery, Recognised
+from gvla2.perception.gallery import FLOATS, Gallery, Recognised
 from gvla2.perception.labels import Labeller
 from gvla2.planning.scene import SceneObject
 from gvla2_plugins.classical.naming import MOST_POINTS
@@ -21,6 +22,7 @@ from gvla2_plugins.classical.segmentation import bodies_of, groups
 from gvla2_plugins.classical.solids import evenly
 
 LAYERS = 2  # how often bodies are looked at: what one known object leaves unexplained may be another
+APART = 0.05  # metres between two pieces of one object, and between their heights
 WHOLE = 0.8  # share of a body's pixels on a scan from which the rest are its edges
 
 
@@ -52,9 +54,19 @@ def known_objects(
             for one in gallery.fixtures(points, pixels.rgb, sights, height):
                 found.append((one, one.explains(points)))
         else:
-            for members in groups(bodies_of(frames, pixels, jump, reach, least), least):
+            bodies = groups(bodies_of(frames, pixels, jump, reach, least), least)
+            unknown: list[NDArray[np.int64]] = []
+            while bodies:
+                members = bodies.pop(0)
                 body = gallery.recognise(points[members], pixels.rgb[members], sights, height)
                 if body is None or _within(body.object, known):
+                    # Of a bowl seen at a slant only two opposite walls may be seen.
+                    other = next((m for m in unknown if _beside(points[members], points[m], height)), None)
+                    if other is not None:
+                        unknown = [m for m in unknown if m is not other]
+                        bodies.insert(0, np.concatenate([members, other]))
+                    else:
+                        unknown.append(members)
                     continue
                 own, mine = body.explains(points), np.zeros(len(points), dtype=bool)
                 mine[members] = own[members] | (not body.stacked and own[members].mean() > WHOLE)
@@ -77,3 +89,12 @@ def known_objects(
 def _within(obj: SceneObject, known: Sequence[SceneObject]) -> bool:
     """Whether an object lies inside a solid one that is known already: it is a remainder of that."""
     return any(o.known is not None and not o.opening and o.distances(obj.centre) == 0.0 for o in known)
+
+
+def _beside(one: FloatArray, other: FloatArray, table: float) -> bool:
+    """Whether points (N, 3) and (M, 3) above the table may be of one object that stands on something else."""
+    heights = [np.percentile(points[:, 2], [5.0, 95.0]) for points in (one, other)]
+    if min(low for low, _ in heights) < table + FLOATS or np.abs(heights[0] - heights[1]).max() > APART:
+        return False
+    gap = cKDTree(one).query(other[:: max(1, len(other) // 200)])[0]
+    return bool(np.min(gap) < APART)
