@@ -28,6 +28,8 @@ CHECKED = 40
 """Starts of a scan that are checked in reverse."""
 POSES = 4
 """Starts of a scan that are refined."""
+LEANS, AS_LIKELY = 0.2, 1.5
+"""Lean that may only seem so, radians, and by how much less likely, in log-odds, the scan may be without it."""
 AS_WELL = 0.002
 """A turned scan fits as well if the seen points are, on average, hardly farther from it, metres."""
 ROUNDS = 14
@@ -187,6 +189,25 @@ def turned(fit: Fit, seen: SeenPoints) -> Fit:
         if _truncated(fit.scan.nearest, points).mean() < fit.gap + AS_WELL:
             found.append(judged(fit.scan, seen, pose))
     return max(found, key=ODDS.of)
+
+
+def levelled(fit: Fit, seen: SeenPoints) -> Fit:
+    """The fit at rest on a level surface, if that explains what is seen about as well: an object seen from one side
+    seems to lean.
+    """
+    turn = fit.world_from_scan[:3, :3]
+    rest = max(fit.scan.rests, key=lambda rest: float(turn[2] @ rest[2]))
+    axis = np.cross(turn[2], rest[2])  # in the scan's frame: from its present vertical to that of the rest
+    angle = float(np.arcsin(min(1.0, np.linalg.norm(axis))))
+    if turn[2] @ rest[2] < 0.0 or not 1e-3 < angle < LEANS:
+        return fit
+    upright = turn @ Rotation.from_rotvec(-axis / np.linalg.norm(axis) * angle).as_matrix()
+    if upright[2] @ rest[2] < np.cos(0.01):
+        return fit
+    pivot = seen.points.mean(axis=0)  # what is seen stays in place
+    local = transform_points(invert_rigid(fit.world_from_scan), pivot)
+    level = judged(fit.scan, seen, rigid(upright, pivot - upright @ local))
+    return level if ODDS.of(level) > ODDS.of(fit) - AS_LIKELY else fit
 
 
 Sights = tuple[list[Camera], list[FloatArray], list[FloatArray]]

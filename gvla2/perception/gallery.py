@@ -26,6 +26,7 @@ from gvla2.perception.fitting import (
     coarse_starts,
     histogram,
     judged,
+    levelled,
     refined,
     seen_surface,
     sights_of,
@@ -76,9 +77,9 @@ class Recognised:
         return on_scan(self.fit, points)
 
 
-def on_scan(fit: Fit, points: FloatArray) -> NDArray[np.bool_]:
-    """(N,) which of the world points (N, 3) lie on a placed scan."""
-    reach = AROUND if fit.scan.diameter > LARGE else NEAR
+def on_scan(fit: Fit, points: FloatArray, reach: float = 0.0) -> NDArray[np.bool_]:
+    """(N,) which of the world points (N, 3) lie on a placed scan, or within ``reach`` metres of it."""
+    reach = reach or (AROUND if fit.scan.diameter > LARGE else NEAR)
     return fit.scan.nearest.query(transform_points(invert_rigid(fit.world_from_scan), points))[0] < reach
 
 
@@ -209,6 +210,7 @@ class Gallery:
                 continue
             if number < THOROUGH:
                 fit = turned(fit if not more else max(fit, best(fit.scan, seen, more), key=_likelihood), seen)
+                fit = levelled(fit, seen)
             found[fit.scan.name] = fit
         return sorted(found.values(), key=_likelihood, reverse=True)
 

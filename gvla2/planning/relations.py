@@ -57,6 +57,13 @@ def holds(obj: SceneObject, relation: str, mark: SceneObject, scene: Scene) -> b
     return True
 
 
+def on_something_unseen(obj: SceneObject, scene: Scene) -> bool:
+    """Whether an object stands above the table without anything that is seen to carry it."""
+    above = obj.bottom > scene.table_height + CLOSE and not obj.parent
+    others = [o for o in scene.objects if o.id != obj.id and o.shape != "region"]
+    return above and not any(holds(obj, "on", o, scene) or holds(obj, "in", o, scene) for o in others)
+
+
 def holds_any(obj: SceneObject, relation: str, marks: Sequence[SceneObject], scene: Scene) -> bool:
     """Whether an object is in the relation to any of the marks other than itself."""
     return any(holds(obj, relation, mark, scene) for mark in marks if mark is not obj)

@@ -13,7 +13,7 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import Views
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.fitting import sights_of
-from gvla2.perception.gallery import FLOATS, Gallery, Recognised
+from gvla2.perception.gallery import AROUND, FLOATS, MOSTLY, Gallery, Recognised, on_scan
 from gvla2.perception.labels import Labeller
 from gvla2.planning.scene import SceneObject
 from gvla2_plugins.classical.naming import MOST_POINTS
@@ -45,6 +45,7 @@ def known_objects(
     if gallery is None:
         return known, raised
     sights, left = sights_of(views), [mask.copy() for mask in raised]
+    accepted: list[Recognised] = []
     for layer in range(LAYERS + 1):
         pixels = choose(frames, left)
         points = transform_points(invert_rigid(frames[0].frame_from_world), pixels.points)
@@ -53,13 +54,14 @@ def known_objects(
         if layer == 0:
             for one in gallery.fixtures(points, pixels.rgb, sights, height):
                 found.append((one, one.explains(points)))
+                accepted.append(one)
         else:
             bodies = groups(bodies_of(frames, pixels, jump, reach, least), least)
             unknown: list[NDArray[np.int64]] = []
             while bodies:
                 members = bodies.pop(0)
                 body = gallery.recognise(points[members], pixels.rgb[members], sights, height)
-                if body is None or _within(body.object, known):
+                if body is None or _remainder(body.object, points[members], accepted):
                     # Of a bowl seen at a slant only two opposite walls may be seen.
                     other = next((m for m in unknown if _beside(points[members], points[m], height)), None)
                     if other is not None:
@@ -71,6 +73,7 @@ def known_objects(
                 own, mine = body.explains(points), np.zeros(len(points), dtype=bool)
                 mine[members] = own[members] | (not body.stacked and own[members].mean() > WHOLE)
                 found.append((body, mine))
+                accepted.append(body)
                 explained |= own | mine
         for one, mine in found:
             explained |= one.explains(points)
@@ -86,9 +89,13 @@ def known_objects(
     return known, [without_specks(mask) for mask in left]
 
 
-def _within(obj: SceneObject, known: Sequence[SceneObject]) -> bool:
-    """Whether an object lies inside a solid one that is known already: it is a remainder of that."""
-    return any(o.known is not None and not o.opening and o.distances(obj.centre) == 0.0 for o in known)
+def _remainder(obj: SceneObject, points: FloatArray, known: Sequence[Recognised]) -> bool:
+    """Whether an object of points (N, 3) is only what a known one left: inside a solid one, or along its surface."""
+    return any(
+        (one.object.known is not None and not one.object.opening and one.object.distances(obj.centre) == 0.0)
+        or on_scan(one.fit, points, AROUND).mean() > MOSTLY
+        for one in known
+    )
 
 
 def _beside(one: FloatArray, other: FloatArray, table: float) -> bool:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, may_look, meant_by
 from gvla2.planning.contracts import Abstention, AbstentionKind
 from gvla2.planning.part_hierarchy import is_ajar, root_of
-from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, related
+from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, on_something_unseen, related
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.skill.reading import ITS, SIDES_OF, Noun, Place, Where
 
@@ -370,7 +370,14 @@ def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Contex
         marks = [ground(n, scene, context) for n in place.nouns]
         ends = marks[0] if len(marks) == 1 else [mark[0] for mark in marks]
         return between_two(fits, ends[0], ends[1]) if len(ends) == 2 else []
-    at = ground(noun, scene, context, mark=place.relation in ("in", "from"))
+    try:
+        at = ground(noun, scene, context, mark=place.relation in ("in", "from"))
+    except UngroundedError as error:
+        # What it stands on may be hidden below it: the only one that stands on something unseen is meant.
+        raised = [o for o in fits if on_something_unseen(o, scene)]
+        if place.relation == "on" and error.abstention.kind == "nothing_matches" and len(raised) == 1:
+            return raised
+        raise
     return related([o for o in fits if o not in at], place.relation, at, scene)
 
 
