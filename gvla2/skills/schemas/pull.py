@@ -28,7 +28,7 @@ BACK = 0.03
 """Distance of the retreat, metres: the fingertips are then clear of the bar."""
 LEANS = (0.0, 0.2, 0.4, 0.6)
 """Downward tilts of a hand from the front, radians: near the table its body needs room."""
-HOOKS = (0.4, 0.3, 0.5, 0.7)
+HOOKS = (0.4, 0.3, 0.2, 0.5, 0.7)
 """Downward tilts of a hand whose fingers hook behind a bar, radians."""
 OVER, FRONT_GAP = 0.0025, 0.001
 """Gaps of hooking fingers above the bar on their way in, and to the front behind it, metres."""
