@@ -42,9 +42,9 @@ def run_command(command: str, argv: list[str]) -> int:
         case "export":
             from gvla2.commands.export import main
         case "data":
-            from gvla2.commands.data import main
+            from gvla2.commands.worlds import data as main
         case "tasks":
-            from gvla2.commands.tasks import main
+            from gvla2.commands.worlds import tasks as main
         case "plugins":
             from gvla2.commands.plugins import main
         case _:

@@ -40,7 +40,6 @@ EXTRAS = {
     "agents/test_bench_agents.py": "minisweagent",
     "agents/test_sandbox.py": "minisweagent",
     "agents/test_solving.py": "minisweagent",
-    "evaluation/test_lpips.py": "torch",
     "gym": "gymnasium",
     "plugins/test_llama_cpp.py": "xllamacpp",
     "plugins/test_piper.py": "can",

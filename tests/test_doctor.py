@@ -63,20 +63,3 @@ def test_a_broken_plugin_is_named():
     _, check = doctor.plugins(Registry({}, [], [PluginProblem("p", "gvla2_planners", "failed")]))
     assert (check.status, check.found) == ("warn", "gvla2_planners: failed")
     assert "GVLA2_DISABLE_PLUGINS=p" in check.advice
-
-
-@pytest.mark.parametrize(
-    ("owners", "status"),
-    [
-        ({}, "ok"),
-        ({"opencv-python": "5.0", "opencv-python-headless": "5.0"}, "ok"),
-        ({"opencv-python": "5.0", "opencv-python-headless": "4.9"}, "warn"),
-    ],
-)
-def test_two_versions_of_cv2_are_a_warning(
-    owners: dict[str, str], status: str, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(doctor, "installed", lambda name: owners.get(name, ""))
-    check = doctor.opencv()
-    assert check.status == status
-    assert all(name in check.found for name in owners)

@@ -133,6 +133,16 @@ def test_the_first_of_two_equal_names_wins_and_the_other_is_reported(install: In
     assert "'same' is already offered by plugin 'zulu', which wins" in shown["alpha"]
 
 
+def test_a_plugin_that_is_announced_twice_is_offered_once():
+    twice = plugin(lambda: [planner("mine")])
+    gvla2.register(twice, "a")
+    gvla2.register(twice, "b")
+    registry = load_plugins()
+    (problem,) = registry.problems
+    assert "could not be registered" in problem.message
+    assert "mine" in registry.components("planner")
+
+
 def test_plugins_can_be_disabled_and_a_misspelling_is_reported(
     install: Install, monkeypatch: pytest.MonkeyPatch
 ):

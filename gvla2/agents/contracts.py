@@ -27,8 +27,8 @@ class AgentTask:
     family: str = ""
     agent_seconds: float = 600.0
     test_seconds: float = 120.0
-    disk_mb: int = 512
-    memory_mb: int = 4096
+    disk_mb: float = 512
+    memory_mb: float = 4096
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,17 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from gvla2.agents.contracts import AgentTask
 from gvla2.errors import ConfigurationError
+
+_LIMITS = {
+    "agent_seconds": ("agent", "timeout_sec"),
+    "test_seconds": ("verifier", "timeout_sec"),
+    "disk_mb": ("environment", "storage_mb"),
+    "memory_mb": ("environment", "memory_mb"),
+}
+"""Where a ``task.toml`` has the fields of :class:`AgentTask`."""
 
 
 def read_tasks(root: str | Path, names: Iterable[str] = ()) -> list[AgentTask]:
@@ -44,18 +51,14 @@ def read_task(folder: Path) -> AgentTask:
     try:
         settings = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8"))
         instruction = (folder / "instruction.md").read_text(encoding="utf-8").strip()
-        metadata = settings.get("metadata", {})
-        limits: dict[str, Any] = {
-            field: type(usual)(settings.get(section, {}).get(name, usual))
-            for field, section, name, usual in (
-                ("agent_seconds", "agent", "timeout_sec", 600.0),
-                ("test_seconds", "verifier", "timeout_sec", 120.0),
-                ("disk_mb", "environment", "storage_mb", 512),
-                ("memory_mb", "environment", "memory_mb", 4096),
-            )
+        limits = {
+            name: float(settings[section][key])
+            for name, (section, key) in _LIMITS.items()
+            if key in settings.get(section, {})
         }
-    except (OSError, ValueError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, TypeError) as error:
         raise ConfigurationError(f"The task {folder} cannot be read: {error}") from error
+    metadata = settings.get("metadata", {})
     files = folder / str(metadata["files"]) if metadata.get("files") else None
     entry = folder / "tests" / "test.sh"
     if not instruction:

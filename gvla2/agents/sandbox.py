@@ -55,7 +55,7 @@ class BubblewrapSandbox:
 
     folder = _WRITABLE["app"]
 
-    def __init__(self, root: Path, disk_mb: int = 512, memory_mb: int = 4096) -> None:
+    def __init__(self, root: Path, disk_mb: float = 512, memory_mb: float = 4096) -> None:
         prepare_minisweagent()
         from minisweagent.environments.extra.bubblewrap import BubblewrapEnvironment
 
@@ -67,12 +67,12 @@ class BubblewrapSandbox:
             (root / name).mkdir(parents=True, exist_ok=True)
         self._environment: Any = BubblewrapEnvironment(
             executable=shutil.which("env", path=_PATH) or "env",
-            wrapper_args=["-i", program, *_namespaces(root, disk_mb)],
+            wrapper_args=["-i", program, *_namespaces(root, int(disk_mb))],
             cwd=str(root / "app"),
             env=_VARIABLES,
         )
         self._arguments: list[str] = self._environment.config.wrapper_args
-        self._disk_mb, self._memory_mb = disk_mb, memory_mb
+        self._disk_mb, self._memory_mb = int(disk_mb), int(memory_mb)
 
     def run(
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None

@@ -57,7 +57,6 @@ def examine(registry: Registry) -> list[Check]:
         *packages(),
         *configuration(registry),
         *plugins(registry),
-        opencv(),
         simulator(),
         *data(),
     ]
@@ -133,17 +132,6 @@ def plugins(registry: Registry) -> Iterator[Check]:
         yield Check(f"plugin {problem.plugin}", "warn", found, advice)
 
 
-def opencv() -> Check:
-    """Check that one version of OpenCV owns cv2: distributions of it overwrite each other's files."""
-    names = [f"opencv{kind}-python{head}" for kind in ("", "-contrib") for head in ("", "-headless")]
-    found = {name: installed(name) for name in names if installed(name)}
-    owners = " and ".join(f"{name} {version}" for name, version in found.items()) or "not installed"
-    if len(set(found.values())) < 2:
-        return Check("cv2", "ok", owners)
-    advice = f"pip uninstall {' '.join(found)}, then install one of them"
-    return Check("cv2", "warn", f"{owners} write the same files", advice)
-
-
 def simulator(modules: Sequence[str] = SIMULATOR) -> Check:
     """Check that the simulator's modules can be imported."""
     advice = "pip install 'gvla2[sim]'; a shared library that is missing comes from a package of the system"
@@ -159,9 +147,8 @@ def simulator(modules: Sequence[str] = SIMULATOR) -> Check:
 
 
 def data() -> Iterator[Check]:
-    """Locate the data sets and weights of the benches, or say how to get them."""
+    """Locate the data sets of the benches, or say how to get them."""
     from gvla2.evaluation.datasets import SOURCES, find_items, roots
-    from gvla2.evaluation.lpips import FETCH, weights_path
 
     for kind in ("ycb30", "gso30"):
         filled = [items for place in roots(kind) if place.is_dir() and (items := find_items(kind, place))]
@@ -171,8 +158,3 @@ def data() -> Iterator[Check]:
         else:
             looked = f"not in {', '.join(map(str, roots(kind)))}"
             yield Check(f"data {kind}", "warn", looked, f"{SOURCES[kind]}, below the folder GVLA2_DATA")
-    path = weights_path()
-    if path.is_file():
-        yield Check("LPIPS weights", "ok", str(path))
-    else:
-        yield Check("LPIPS weights", "warn", "absent: LPIPS is not measured", FETCH)

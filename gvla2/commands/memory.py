@@ -12,7 +12,7 @@ import time
 import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from gvla2.memory.view import BankView
 
 ACTOR = "gvla2 memory"
-STATES = ("active", "provisional", "archive")
-ROWS_SHOWN = 50
-"""Rows that the terminal shows unless ``limit`` says otherwise; JSON has all."""
 _TIMES = ("created", "updated", "used")
 """A record's fields that are seconds since the epoch."""
 
@@ -44,8 +41,7 @@ class MemoryCommandConfig:
     """A bank and how to look at it.
 
     ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for other
-    processes. ``limit`` is the maximum number of rows (0: all; null: 50 on the terminal, all as JSON). ``states`` keeps
-    records of these states in `list` and `export` (default: all). ``trusted`` vouches for your own export.
+    processes. ``limit`` is the maximum number of rows (0: all). ``trusted`` vouches for your own export.
     ``head`` is an earlier head of the chain to `verify` against, SEQ:HASH. ``retriever`` and ``embedder`` are names, or
     names with options: ``retriever={name: hybrid, OPTION: VALUE}``.
     """
@@ -53,18 +49,14 @@ class MemoryCommandConfig:
     url: str = ""
     bank: str = "default"
     busy_seconds: float = 5.0
-    limit: int | None = None
-    states: list[str] = field(default_factory=list)
+    limit: int = 50
     trusted: bool = False
     head: str = ""
     retriever: Any = "hybrid"
     embedder: Any = "auto"
 
     def __post_init__(self) -> None:
-        unknown = [state for state in self.states if state not in STATES]
-        if unknown:
-            raise ConfigurationError(f"No state '{unknown[0]}'. States: {', '.join(STATES)}.")
-        if self.limit is not None and self.limit < 0:
+        if self.limit < 0:
             raise ConfigurationError(f"limit is {self.limit}; it must not be negative (0 shows all).")
         self.bank = unicodedata.normalize("NFC", self.bank)
 
@@ -75,19 +67,18 @@ class NotFoundError(Gvla2Error):
 
 @dataclass(frozen=True)
 class MemoryRequest:
-    """A verb's words and the configuration. ``yes``: `forget` does not ask; ``json``: a program reads the answer."""
+    """A verb's words and the configuration; with ``yes`` `forget` does not ask."""
 
     words: Sequence[str]
     config: MemoryCommandConfig
     yes: bool = False
-    json: bool = False
 
     @property
     def url(self) -> str:
         """The database's address."""
-        from gvla2.memory.store import settled
+        from gvla2.memory.store import resolved_address
 
-        return settled(self.config.url, os.environ)
+        return resolved_address(self.config.url, os.environ)
 
     @contextmanager
     def store(self, *, create: bool = False) -> Iterator[Store]:
@@ -158,13 +149,12 @@ def find_record(view: BankView, word: str, *, whole: bool = False) -> Record:
 def list_records(request: MemoryRequest) -> Answer:
     """The records, most recently changed first."""
     with request.store() as store, store.reading(request.config.bank) as view:
-        records = view.records(request.config.states or None)
-    limit = request.config.limit
-    most = (len(records) if request.json else ROWS_SHOWN) if limit is None else limit or len(records)
-    shown = sorted(records, key=lambda record: (-record.updated, record.id))[:most]
+        records = view.records()
+    shown = sorted(records, key=lambda record: (-record.updated, record.id))
+    shown = shown[: request.config.limit or len(records)]
     rows = [(r.id, r.state, r.outcome, f"{r.confidence:.2f}", one_line(r.content)) for r in shown]
     columns = ("id", "state", "outcome", "confidence", "content")
-    lines: list[Table | str] = [_table(columns, rows) if rows else "The bank has no such records."]
+    lines: list[Table | str] = [_table(columns, rows) if rows else "The bank has no records."]
     if len(shown) < len(records):
         lines.append(f"{len(shown)} of {len(records)} are shown; limit=0 shows all.")
     return Answer([_columns(record) for record in shown], lines)
@@ -190,8 +180,7 @@ def search(request: MemoryRequest) -> Answer:
     """The records that match the words, best first, with every term of their scores."""
     words = " ".join(request.words)
     with request.knowledge_bank() as bank:
-        limit = ROWS_SHOWN if request.config.limit is None else request.config.limit
-        hits = bank.search(words, limit or len(bank.records()))
+        hits = bank.search(words, request.config.limit or len(bank.records()))
     rows = []
     for hit in hits:
         terms = " ".join(f"{name} {round(value, 2) + 0.0:+.2f}" for name, value in hit.terms.items())
@@ -248,18 +237,16 @@ def import_records(request: MemoryRequest) -> Answer:
         lines.append(f"Left out: {count(done.left_out, 'archived record')}.")
     if done.broken:
         lines.append(f"{count(len(done.broken), 'line')} could not be read.")
-    return Answer(done, [*lines, *done.broken[:ROWS_SHOWN]], status=int(bool(done.broken)))
+    return Answer(done, [*lines, *done.broken[: config.limit or None]], status=int(bool(done.broken)))
 
 
 def export(request: MemoryRequest) -> Answer:
     """Write the bank as a file of JSON lines that import reads."""
     from gvla2.memory.transfer import export_jsonl
 
-    path, states = Path(request.words[0]).expanduser(), request.config.states or None
     with request.store() as store:
-        done = export_jsonl(store, request.config.bank, path, states=states)
-    left_out = f" Left out: {count(done.left_out, 'record')} of other states." if done.left_out else ""
-    return Answer(done, [f"{count(done.records, 'record')}: {done.file}.{left_out}"])
+        done = export_jsonl(store, request.config.bank, Path(request.words[0]).expanduser())
+    return Answer(done, [f"{count(done.records, 'record')}: {done.file}."])
 
 
 def forget(request: MemoryRequest) -> Answer:
@@ -287,12 +274,12 @@ def _confirmed() -> bool:
 
 
 VERBS: Mapping[str, tuple[Callable[[MemoryRequest], Answer], Mapping[str, str | None], Sequence[str]]] = {
-    "list": (list_records, {}, ("states=[active]", "limit=20")),
+    "list": (list_records, {}, ("limit=20",)),
     "show": (show, {"ID": None}, ()),
     "search": (search, {"WORDS": "+"}, ("retriever=semantic", "embedder=minilm", "limit=20")),
     "verify": (verify, {}, ("head=SEQ:HASH",)),
     "import": (import_records, {"PATH": None}, ("trusted=true",)),
-    "export": (export, {"PATH": None}, ("states=[active]",)),
+    "export": (export, {"PATH": None}, ()),
     "forget": (forget, {"ID": "+"}, ()),
 }
 """The verbs: function, words as argparse takes them, notable options."""
@@ -315,7 +302,7 @@ def main(argv: Sequence[str]) -> int:
     given = given[0] if given and isinstance(given[0], list) else given
     try:
         config = read_options(overrides)
-        answer = function(MemoryRequest(given, config, getattr(asked, "yes", False), asked.json))
+        answer = function(MemoryRequest(given, config, getattr(asked, "yes", False)))
     except Exception as error:
         from gvla2.commands.hydra_job import report
 
@@ -383,13 +370,10 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
 def _events_table(events: Sequence[Mapping[str, Any]]) -> Table:
     rows = []
     for event in events:
-        changes = event["change"] if isinstance(event["change"], dict) else {}
-        pairs = {k: v for k, v in changes.items() if isinstance(v, list) and len(v) == 2}
-        change = "; ".join(f"{k}: {_value(k, old)} -> {_value(k, new)}" for k, (old, new) in pairs.items())
         action = f"{event['action']} {event['target'] or ''}".strip()
         why = "(forgotten)" if event["erased"] else one_line(event["why"])
-        rows.append((str(event["seq"]), _date(event["at"]), event["actor"], action, why, one_line(change)))
-    return _table(("event", "time", "who", "action", "why", "change"), rows)
+        rows.append((str(event["seq"]), _date(event["at"]), event["actor"], action, why))
+    return _table(("event", "time", "who", "action", "why"), rows)
 
 
 def _columns(row: Any, *names: str) -> dict[str, Any]:

@@ -15,21 +15,19 @@ from omegaconf import OmegaConf
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.record.text import count, listing
+from gvla2.record.text import count
 
 if TYPE_CHECKING:
     from gvla2.geometry.mesh import TriangleMesh
     from gvla2.geometry.views import Views
     from gvla2.plugins.registry import Registry
-    from gvla2.reconstruction.contracts import Reconstruction, StageReport
+    from gvla2.reconstruction.contracts import Reconstruction
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction import ReconstructionRecord
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
-NO_TARGETS = "none"
 LEAST_TRUTH_SUPPORT = 0.3
 """Mean mask support below which a true mesh is assumed to be in another frame; masks may be occluded in part."""
-GSO_TRUTH = Path("meshes") / "model.obj"
 
 log = logging.getLogger(__name__)
 
@@ -40,10 +38,9 @@ class ReconstructConfig:
 
     ``views`` is their folder, ``views_spec`` which of them are the input (``0-4``, or ``[0-4,7]`` where a comma is
     needed; by default the protocol's 0-4 of a GSO-30 tree and all of another folder), ``size`` their longer side in
-    pixels. ``targets`` are views held out to judge by (by default the protocol's 10-24 of a GSO-30 tree; ``none``
-    leaves them out), ``truth`` is a mesh file in the views' frame. ``object`` is the name to show, the folder's by
-    default; ``measure`` judges by held-out views and true mesh even if ``targets`` and ``truth`` are not given;
-    ``frames`` the turntable's pictures; ``quiet`` leaves only errors on the terminal.
+    pixels. ``targets`` are views held out to judge by, ``truth`` is a mesh file in the views' frame. ``object`` is the
+    name to show, the folder's by default; ``frames`` the turntable's pictures; ``quiet`` leaves only errors on the
+    terminal.
     """
 
     views: str | None = None
@@ -52,7 +49,6 @@ class ReconstructConfig:
     targets: Any = None
     truth: str | None = None
     object: str | None = None
-    measure: bool = False
     frames: int = 12
     quiet: bool = False
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
@@ -131,8 +127,6 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
         with steps.step("refine"):
             chosen = BranchComponents(*(built[kind] for kind in ("prior", "axis", "fusion", "renderer")))
             result = refine_geometry(g0, views, chosen, config.branch)
-            stages = tuple(_with_unused_prior(stage, config, views) for stage in result.stages)
-            result = replace(result, stages=stages)
         for stage in result.stages:
             log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
             line = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
@@ -145,16 +139,13 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
             {kind: getattr(config, kind).name for kind in KINDS},
             asdict(config.branch),
             result,
-            truth=given.truth_file,
+            truth=config.truth or "",
             timings=steps.timings,
         )
         recorder.numbers(record)
 
         with steps.step("measure"):
-            # Held-out views cost more than the branch: they are measured on request.
-            asked = config.measure or config.targets is not None or config.truth is not None
-            held_out, truth = (given.held_out, given.truth) if asked else (None, None)
-            measures = measure(result, views, built["renderer"], held_out, truth)
+            measures = measure(result, views, built["renderer"], given.held_out, given.truth)
         record = replace(record, measures=measures)
         steps.report("measure", ", ".join(measures.groups).replace("_", " "))
         with steps.step("draw"):
@@ -191,25 +182,11 @@ def _sizes(made: Reconstruction) -> str:
     return ", ".join(sizes) + ("" if made.status == "ok" else f" ({made.status})")
 
 
-def _with_unused_prior(stage: StageReport, config: ReconstructConfig, views: Views) -> StageReport:
-    """The stage's report; a warning where the chosen prior had nothing to say about any view."""
-    from gvla2.reconstruction.branch import NO_PRIOR
-
-    if config.prior.name == "none" or stage.reason != NO_PRIOR:
-        return stage
-    bare = [view.name for view in views if view.depth is None]
-    why = f"no depth in {listing(bare, 6)}" if bare else "it gave no depth"
-    reason = (
-        f"prior={config.prior.name} can use no view: {why}. Give depth/NAME.npy, (H, W) in metres along z."
-    )
-    return replace(stage, status="rejected", reason=reason)
-
-
 @dataclass(frozen=True)
 class Inputs:
     """``views`` all have masks, at least one of them not empty; ``truth`` lies in their frame.
 
-    ``held_out`` shares no view with them. ``truth_file`` is where the truth was read, "" for none.
+    ``held_out`` shares no view with them.
     """
 
     name: str
@@ -217,7 +194,6 @@ class Inputs:
     views: Views
     held_out: Views | None
     truth: TriangleMesh | None
-    truth_file: str
 
 
 def read_inputs(config: ReconstructConfig) -> Inputs:
@@ -234,10 +210,8 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
         )
     folder = Path(config.views).expanduser()
     views = _masked(read_views(folder, config.views_spec, config.size), folder)
-    held_out = _held_out(folder, config, views)
-    truth, truth_file = _truth(folder, config, views)
     name = config.object or subject_of(folder / ARCHIVE) or folder.resolve().name
-    return Inputs(name, folder, views, held_out, truth, truth_file)
+    return Inputs(name, folder, views, _held_out(folder, config, views), _truth(config, views))
 
 
 def _masked(views: Views, folder: Path) -> Views:
@@ -253,54 +227,35 @@ def _masked(views: Views, folder: Path) -> Views:
 
 
 def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | None:
-    """The requested views, else those of a GSO-30 tree's protocol that exist and are not inputs."""
-    from gvla2.evaluation.protocol import TARGETS
+    """The views to judge by."""
     from gvla2.geometry.view_folders import read_views
 
-    if config.targets == NO_TARGETS:
+    if config.targets is None:
         return None
-    if config.targets is not None:
-        held_out = read_views(folder, config.targets, config.size)
-        shared = {view.name for view in views} & {view.name for view in held_out}
-        if shared:
-            raise GeometryError(
-                f"The views {', '.join(sorted(shared))} are both input and target; choose other targets."
-            )
-        return held_out
-    model = _gso_model(folder)
-    if model is None:
-        return None
-    used = {int(view.name) for view in views}
-    numbers = [n for n in TARGETS if n not in used and (model / f"{n:03d}.npy").is_file()]
-    return read_views(folder, ",".join(map(str, numbers)), config.size) if numbers else None
+    held_out = read_views(folder, config.targets, config.size)
+    shared = {view.name for view in views} & {view.name for view in held_out}
+    if shared:
+        raise GeometryError(
+            f"The views {', '.join(sorted(shared))} are both input and target; choose other targets."
+        )
+    return held_out
 
 
-def _gso_model(folder: Path) -> Path | None:
-    """The folder of the numbered views if this is an object of a GSO-30 tree, else None."""
-    from gvla2.geometry.view_folders import ARCHIVE, CAMERAS, gso_folder
-
-    other = (folder / CAMERAS).is_file() or (folder / ARCHIVE).is_file()
-    return None if other else gso_folder(folder)
-
-
-def _truth(folder: Path, config: ReconstructConfig, views: Views) -> tuple[TriangleMesh | None, str]:
-    """The true mesh in the views' frame; a GSO-30 tree brings its own, scaled and turned as its views were."""
-    from gvla2.evaluation.datasets import true_mesh
+def _truth(config: ReconstructConfig, views: Views) -> TriangleMesh | None:
+    """The true mesh in the views' frame."""
     from gvla2.geometry.mesh_files import read_mesh
     from gvla2.reconstruction.support import mask_support
 
-    if config.truth:
-        given = read_mesh(Path(config.truth).expanduser())
-        support = float(mask_support(given.vertices, views).mean())
-        if support < LEAST_TRUTH_SUPPORT:
-            raise GeometryError(
-                f"{config.truth} lies outside the masks (mean mask support {support:.2f}): truth must be in the views' "
-                "frame and scale."
-            )
-        return given, config.truth
-    brought = folder / GSO_TRUTH
-    mesh = true_mesh(brought, views) if _gso_model(folder) is not None and brought.is_file() else None
-    return mesh, "" if mesh is None else str(brought)
+    if config.truth is None:
+        return None
+    given = read_mesh(Path(config.truth).expanduser())
+    support = float(mask_support(given.vertices, views).mean())
+    if support < LEAST_TRUTH_SUPPORT:
+        raise GeometryError(
+            f"{config.truth} lies outside the masks (mean mask support {support:.2f}): truth must be in the views' "
+            "frame and scale."
+        )
+    return given
 
 
 def main(argv: Sequence[str]) -> int:

@@ -6,9 +6,9 @@ import logging
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,6 @@ from gvla2.evaluation.config import ResultsConfig
 from gvla2.plugins.assembly import build_components
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind
-from gvla2.plugins.kinds import NONE
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.record.text import count, printable
 from gvla2.robot.options import DepthNoise
@@ -41,20 +40,6 @@ log = logging.getLogger(__name__)
 
 _OF_EPISODE = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts")
 """Options of a run that each of its episodes has."""
-AUTHORS: Mapping[Stage, tuple[str, ...]] = {
-    "setup": ("robot", "task"),
-    "observe": ("robot",),
-    "perceive": ("perceiver",),
-    "reconstruct": ("reconstructor",),
-    "recall": ("memory",),
-    "plan": ("planner", "fallback"),
-    "check": ("planner", "fallback"),
-    "execute": ("robot",),
-    "verify": ("verifier",),
-    "learn": ("memory",),
-    "success_check": ("robot", "task"),
-}
-"""The kinds of components whose code each stage runs."""
 _SOURCE_FOLDERS = 4
 """Last folders of a run's path that identify its episode: the day, the time, the job of a sweep, the seed."""
 
@@ -148,7 +133,8 @@ def job(config: RunConfig, registry: Registry, folder: Path) -> float:
     if share is not None:
         print(f"{label} is done: {folder / 'index.html'}", file=sys.stderr)
         return share
-    sweeps.clear(folder)
+    for file in folder.glob(f"{sweeps.BANK}*"):  # what an earlier, unfinished try has learned
+        file.unlink()
     try:
         records = run_episodes(config, registry, folder, label, count_crashes=True)
     except Exception as error:
@@ -222,13 +208,8 @@ def _run_one(
 
     try:
         return run_episode(components, request, listener)
-    except Exception as error:
+    except Exception:
         latest = listener.latest
-        if latest is not None and latest.failure is not None and not isinstance(error, Gvla2Error):
-            culprit = crashed_component(components, latest.failure.stage)
-            error.add_note(f"{culprit}.")
-            failure = replace(latest.failure, message=f"{culprit}: {latest.failure.message}")
-            listener.latest = latest = replace(latest, failure=failure)
         if not count_crashes or latest is None or not planner_crashed(latest):
             raise
         log.info("The planner crashed: this episode counts as a failure.", exc_info=True)
@@ -238,23 +219,12 @@ def _run_one(
 
 
 def bank_line(config: RunConfig, memory: Memory) -> str:
-    """Which bank the run uses and how many lessons it holds, in a sentence."""
+    """Which bank the run uses, in a sentence."""
     options: Any = getattr(config, "memory")  # noqa: B009  # a field that the bridge to Hydra adds
-    stats = getattr(memory, "stats", None)
-    if not callable(stats):
+    bank = getattr(options, "bank", "")
+    if not bank:
         return f"memory {options.name} keeps no bank"
-    try:
-        held = sum(stats()["types"].values())
-    except Gvla2Error as error:
-        return f"memory {options.name}, bank '{options.bank}': {error}"
-    url = getattr(memory, "url", options.url)
-    return f"memory {options.name}, bank '{options.bank}' of {url}: {count(held, 'lesson')}"
-
-
-def crashed_component(components: Components, stage: Stage) -> str:
-    """Name the component whose code the stage runs: "The planner 'mine' of plugin 'mine' crashed"."""
-    kinds = [kind for kind in AUTHORS[stage] if components.choices.get(kind, NONE) != NONE]
-    return f"{' or '.join(map(components.named, kinds))} crashed"
+    return f"memory {options.name}, bank '{bank}' of {getattr(memory, 'url', options.url)}"
 
 
 class Tracking:

@@ -11,7 +11,7 @@ import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -22,30 +22,16 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.io.files import write_json
-from gvla2.plugins.kinds import NONE
 
 if TYPE_CHECKING:
     from gvla2.commands.run import RunConfig
     from gvla2.episode.record import EpisodeRecord
 
 JOB = "job.json"
-_BANK = "memory.db"
+BANK = "memory.db"
 _MEASURES = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens", "memory_unavailable")
-_NOTES = ("setting", "layouts")
-_SHOWN = (
-    "task",
-    "robot",
-    "camera",
-    "perceiver",
-    "reconstructor",
-    "planner",
-    "fallback",
-    "verifier",
-    "memory",
-)
 _STOPPED = (130, 143)
 """Exit statuses of a sweep that was stopped, and would have gone on."""
 _NOT_OF_THE_RESULT = ("quiet", "results", "tracker", "view")
@@ -80,14 +66,8 @@ def with_fresh_bank(config: RunConfig, folder: Path) -> RunConfig:
     default = getattr(type(memory), "bank", None)
     if getattr(memory, "url", None) != "" or getattr(memory, "bank", default) != default:
         return config
-    changed: Any = replace(memory, url=f"sqlite:///{(folder / _BANK).absolute()}")
+    changed: Any = replace(memory, url=f"sqlite:///{(folder / BANK).absolute()}")
     return replace(config, memory=changed)  # type: ignore[call-arg]  # a field that the bridge to Hydra adds
-
-
-def clear(folder: Path) -> None:
-    """Clear what an earlier, unfinished try of a job has learned in the job's own bank."""
-    for file in folder.glob(f"{_BANK}*"):
-        file.unlink()
 
 
 def digest_of(config: RunConfig) -> str:
@@ -112,7 +92,6 @@ def write_job(folder: Path, config: RunConfig, digest: str, records: Sequence[Ep
     checks = [record.success_check for record in records]
     row = {
         **_job(),
-        "setting": _setting(config),
         "status": "ok",
         "digest": digest,
         "results": config.results.url,
@@ -146,17 +125,6 @@ def _job() -> dict[str, Any]:
     hydra = HydraConfig.get()
     given = OverridesParser.create().parse_overrides(list(hydra.overrides.task))
     return {"job": hydra.job.num, "overrides": {one.key_or_group: _as_text(one) for one in given}}
-
-
-def _setting(config: RunConfig) -> dict[str, str]:
-    """The components and options of a job, for the table's title, without the bank's address."""
-    chosen = {kind: getattr(config, kind) for kind in _SHOWN}
-    setting = {
-        kind: described(one, only={field.name for field in fields(one)} - {"url"})
-        for kind, one in chosen.items()
-    }
-    setting["depth_noise"] = config.depth_noise.kind
-    return {kind: what for kind, what in setting.items() if what not in ("", NONE) or kind == "memory"}
 
 
 def _as_text(override: Override) -> str:
@@ -198,7 +166,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
             cell_key(SUITE, str(place)),
             {"job": row["job"], **row["overrides"]},
             {name: float(row.get(name, 0)) for name in _MEASURES},
-            {"status": row["status"], "folder": str(place), **{name: row.get(name) for name in _NOTES}},
+            {"status": row["status"], "folder": str(place), "layouts": row.get("layouts")},
         )
         for place, row in rows
     ]

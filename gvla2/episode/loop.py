@@ -18,22 +18,25 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.episode.advice import with_sound_effects
-from gvla2.episode.evidence import RobotEvidence
-from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
-from gvla2.episode.lessons import memory_task, transcript
-from gvla2.episode.memory_reporting import stories_of
-from gvla2.episode.multi_step import (
-    clear_the_view,
-    goes_on,
+from gvla2.episode.attempts import (
+    back_off,
+    cameras_moved,
+    clear_view,
+    hand_is_free,
+    has_next_part,
+    next_attempt,
     next_part,
-    rest_of_program,
-    too_long,
-    words_of_part,
+    part_instruction,
+    previous_attempt_stands,
+    remaining_program,
+    should_replan,
+    stop_at_limit,
 )
+from gvla2.episode.evidence import RobotEvidence
+from gvla2.episode.lessons import memory_task, stories_of, transcript
+from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
 from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
 from gvla2.episode.refine import GeometryComponents, refine_scene
-from gvla2.episode.replan import back_off, came_to_nothing, next_attempt, worth_another
 from gvla2.errors import (
     Gvla2Error,
     SimulationError,
@@ -176,12 +179,12 @@ def run_episode(
     record = _go_through((("setup", lambda r: _set_up(r, components, request)), *once), record, listener)
     record = _to_the_end(record, again, request.max_parts, listener)
     for _ in range(request.replan):
-        if not worth_another(record, components.skills):
+        if not should_replan(record, components.skills):
             break
         record = _go_through(again, next_attempt(record), listener)
         if record.report is None:
             broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
-            record = record if broken else came_to_nothing(record)
+            record = record if broken else previous_attempt_stands(record)
             break
         record = _to_the_end(record, again, request.max_parts, listener)
     closing: _Stages = (
@@ -195,12 +198,12 @@ _Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
 
 
 def _to_the_end(
-    record: EpisodeRecord, stages: _Stages, most: int, listener: EpisodeListener
+    record: EpisodeRecord, stages: _Stages, max_parts: int, listener: EpisodeListener
 ) -> EpisodeRecord:
     """Carry out the rest of an attempt's program, part by part, until it is done or a part fails."""
-    while goes_on(record):
-        if len(record.whole) >= most:
-            return too_long(record, most)
+    while has_next_part(record):
+        if len(record.whole) >= max_parts:
+            return stop_at_limit(record, max_parts)
         record = _go_through(stages, next_part(record), listener)
     return record
 
@@ -293,7 +296,7 @@ def _observe(
     if record.attempts or record.parts:
         moving = _moving(listener)
         trouble = (
-            clear_the_view(components.robot, record.parts[-1], moving)
+            clear_view(components.robot, record.parts[-1], moving)
             if record.parts
             else back_off(components.robot, record.attempts[-1], moving)
         )
@@ -359,7 +362,7 @@ def _planner(record: EpisodeRecord, components: Components, request: EpisodeRequ
     name, other = components.choices.get("planner", ""), components.choices.get("fallback", "fallback")
     first, fallback = NamedPlanner(name, components.planner), None
     if record.parts:
-        first = NamedPlanner(f"{name}, part {len(record.whole)}", rest_of_program(record))
+        first = NamedPlanner(f"{name}, part {len(record.whole)}", remaining_program(record))
     elif components.fallback is not None:
         fallback = NamedPlanner(other, components.fallback)
     seconds, arm = request.planner_timeout, components.robot.arm
@@ -385,6 +388,10 @@ def _execute(
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
         after = _look(components, request, 2 * _looks(record) + 1)
+        if cameras_moved(record.seen.observation, after) and hand_is_free(report):
+            note = back_off(components.robot, replace(record, after=after), _moving(listener))
+            record = replace(record, notes=(*record.notes, note)) if note else record
+            after = _look(components, request, 2 * _looks(record) + 1)
         return replace(record, after=after, after_scene=_perceived(after, record, components))
     except SimulationError as error:
         return replace(record, failure=Failure("execute", VOID, str(error)))
@@ -396,7 +403,7 @@ def _verify(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     given = record.planned
     last = record.after or record.seen.observation
     evidence = RobotEvidence(
-        instruction=words_of_part(record) if record.partial else record.instruction,
+        instruction=part_instruction(record) if record.partial else record.instruction,
         transcript=transcript(record),
         before=given.scene,
         after=record.after_scene,

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from gvla2.episode.memory_reporting import stories_of
+from gvla2.episode.lessons import stories_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.components import given_options, options_of

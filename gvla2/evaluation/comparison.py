@@ -9,17 +9,14 @@ from typing import Literal
 
 from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.statistics import mean_and_deviation, relative_change
-from gvla2.evaluation.tables import NONE, Exhibit, Exhibits, Sheet, SheetCell, SheetRow, Tone, runs_of
+from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, Tone, runs_of
 from gvla2.record.text import count
 
 FEWEST = 5
 """Least number of objects for an interval: a bootstrap of fewer has hardly more values than objects."""
-MOST_PICTURES = 60
-"""Objects shown below one table: the page stays small enough for e-mail."""
 EXPLANATION = (
     "Mean over objects ± standard deviation over seeds, if there are several; change of the mean against the first "
-    "row in per cent [95 % interval, bootstrap over objects, from five objects on]; worst: the change of the object "
-    "that fared worst."
+    "row in per cent [95 % interval, bootstrap over objects, from five objects on]."
 )
 
 
@@ -79,12 +76,11 @@ def _sheet(group: tuple[str, ...], cells: Sequence[Cell], layout: TableLayout) -
         f"{count(objects, 'object')}, {count(seeds, 'seed')}",
         runs_of(cells),
         f"{EXPLANATION} {layout.explanation}".strip(),
-        _gallery(cells, names, layout),
     )
 
 
 def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], pair: str) -> SheetCell:
-    """Up to three lines: the mean, its change, and the object that fared worst."""
+    """The mean, and its change."""
     by_seed = _means(measure, cells, "seed")
     if not by_seed:
         return NONE
@@ -103,10 +99,6 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], p
         if change.low * change.high > 0:  # only an interval without zero has a colour
             tone = "better" if (change.value < 0) == (measure.better == "lower") else "worse"
     lines.append(line)
-    changes = {name: 100 * (ours[name] / theirs[name] - 1) for name in both if theirs[name] != 0}
-    if any(changes.values()):  # if nothing has changed, no object is the worst
-        worst = sorted(changes, key=changes.__getitem__)[-1 if measure.better == "lower" else 0]
-        lines.append(f"worst {changes[worst] + 0.0:+.2f} % ({worst})")
     return SheetCell(tuple(lines), tone=tone)
 
 
@@ -114,14 +106,3 @@ def _means(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, float]
     """The means of what was measured, grouped by a factor."""
     found = [cell for cell in cells if cell.measures.get(measure.name) is not None]
     return {group: fmean(measured(some, measure.name)) for (group,), some in grouped(found, by).items()}
-
-
-def _gallery(cells: Sequence[Cell], order: Sequence[str], layout: TableLayout) -> Exhibits | None:
-    """One exhibit per object: the first picture of each row, in the order of the rows."""
-    found = []
-    pictured = [cell for cell in cells if cell.notes.get("picture")]
-    for (name,), some in sorted(grouped(pictured, layout.pair).items())[:MOST_PICTURES]:
-        first = {row: str(one[0].notes["picture"]) for (row,), one in grouped(some, layout.row).items()}
-        found.append(Exhibit(name, tuple(first[row] for row in sorted(first, key=order.index))))
-    heading = "Pictures: a held-out view, the baseline, the branch's output"
-    return Exhibits(heading, tuple(found)) if found else None

@@ -90,7 +90,7 @@ class ReconstructionBench(BranchBench):
     """Every baseline x drift x noise x variant x seed on every object.
 
     ``baseline_options`` configures reconstructors by name (``baseline_options.hull.resolution=64``); ``noise`` is the
-    depth prior's error, by name; ``lpips_weights`` is a weight file of your own; ``surface_samples`` points of a
+    depth prior's error, by name; ``surface_samples`` points of a
     surface make its Chamfer distance (the protocol's 100,000).
     """
 
@@ -101,7 +101,6 @@ class ReconstructionBench(BranchBench):
     drifts: list[str] = field(default_factory=lambda: ["none", "planted"])
     variants: list[str] = field(default_factory=list)
     noise: list[str] = field(default_factory=lambda: ["exact"])
-    lpips_weights: str | None = None
     surface_samples: int = 100_000
 
     def __post_init__(self) -> None:
@@ -231,15 +230,10 @@ class PerceptionBench(SimulatedBench):
 
 @dataclass
 class AgentTasksConfig:
-    """``tasks`` is a folder of tasks in Terminal-Bench's layout; ``names`` chooses some of them.
-
-    ``state`` is where memories are stored between the tasks (by default in the output folder: give one to resume an
-    interrupted bench).
-    """
+    """``tasks`` is a folder of tasks in Terminal-Bench's layout; ``names`` chooses some of them."""
 
     tasks: str = ""
     names: list[str] = field(default_factory=list)
-    state: str = ""
 
 
 @dataclass

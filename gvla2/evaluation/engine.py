@@ -103,10 +103,6 @@ class Suite(ABC, Generic[ConfigT, UnitT]):
         """The unit as it is measured, given the rows so far."""
         return unit
 
-    def result(self, units: Sequence[UnitT], rows: Rows) -> list[Cell]:
-        """The rows of the last stage, in the order of the design."""
-        return [rows[key] for unit in units for key in unit.keys]
-
     def close(self) -> None:
         """Release what was built in this process."""
 
@@ -126,7 +122,7 @@ def run_suite(suite: Suite[Any, Any]) -> list[Cell]:
                     suite.results.add(suite.run_id, suite.stored_as(number), cells)
                     progress.report(len({cell.key for cell in cells} - rows.keys()), unit.label)
                     rows |= {cell.key: cell for cell in cells}
-        return suite.result(stages[-1], rows)
+        return [rows[key] for unit in stages[-1] for key in unit.keys]
     finally:
         suite.close()
 

@@ -1,4 +1,4 @@
-"""How far a reconstruction is from the truth: Chamfer distances, PSNR, SSIM, and LPIPS by its own module."""
+"""How far a reconstruction is from the truth: Chamfer distances, PSNR and SSIM."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gvla2.errors import GeometryError
-from gvla2.evaluation.lpips import Floats, Lpips
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
@@ -20,7 +19,7 @@ from gvla2.reconstruction.contracts import Reconstruction, Renderer
 
 SURFACE_SAMPLES = 100_000
 SSIM_WINDOW = 7
-MEASURES = ("cd_surface", "cd_official", "psnr", "ssim", "lpips")
+MEASURES = ("cd_surface", "cd_official", "psnr", "ssim")
 
 
 @dataclass(frozen=True)
@@ -135,17 +134,14 @@ class ReconstructionJudge:
 
     views: ObjectViews
     renderer: Renderer
-    lpips: Lpips | None = None
     workers: int = -1
     samples: int = SURFACE_SAMPLES
     _truth: Truth | None = field(init=False, repr=False)
     _targets: list[NDArray[np.float32]] = field(init=False, repr=False)
-    _features: list[list[Floats]] | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self._truth = None if self.views.mesh is None else Truth.of(self.views.mesh, self.samples)
         self._targets = [(view.image / 255).astype(np.float32) for view in self.views.targets]
-        self._features = None if self.lpips is None else [self.lpips.features(t) for t in self._targets]
 
     def measure(self, made: Reconstruction) -> ReconstructionScores:
         """All measures; the image measures are means over the target views."""
@@ -162,13 +158,9 @@ class ReconstructionJudge:
             pairs = list(zip(images, self._targets, strict=True))
             measures["psnr"] = float(np.mean([psnr(*pair) for pair in pairs]))
             measures["ssim"] = float(np.mean([ssim(*pair) for pair in pairs]))
-            if self.lpips is not None and self._features is not None:
-                seen = [self.lpips.features(image) for image in images]
-                distances = map(self.lpips.between, seen, self._features)
-                measures["lpips"] = float(np.mean(list(distances)))
         return ReconstructionScores(measures, points)
 
-    def pictures(self, gaussians: Gaussians, count: int | None = None) -> list[NDArray[np.float32]]:
-        """The target views (the first ``count``) rendered on white, each (H, W, 3) in [0, 1]."""
-        cameras = [view.camera for view in self.views.targets][:count]
+    def pictures(self, gaussians: Gaussians) -> list[NDArray[np.float32]]:
+        """The target views rendered on white, each (H, W, 3) in [0, 1]."""
+        cameras = [view.camera for view in self.views.targets]
         return [np.clip(self.renderer.render(gaussians, camera)[0], 0, 1) for camera in cameras]

@@ -8,7 +8,7 @@ from statistics import fmean, median
 
 from gvla2.evaluation.results import Cell, measured
 from gvla2.evaluation.statistics import wilson_interval
-from gvla2.evaluation.tables import NONE, Exhibits, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
+from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
 from gvla2.record.text import count
 
 SUITE = "run"
@@ -50,17 +50,14 @@ def _sheet(cells: list[Cell]) -> Sheet:
         film(_caption(cell, names), str(cell.notes["folder"])) for cell in cells if cell.notes.get("folder")
     ]
     failed = sum(cell.status != "ok" for cell in cells)
-    settings = [cell.notes["setting"].items() for cell in cells if cell.notes.get("setting")]
-    shared = [pair for pair in (settings[0] if settings else ()) if all(pair in some for some in settings)]
-    common = ", ".join(f"{kind} {what}" for kind, what in shared)
     return Sheet(
-        f"Runs{f' ({common})' if common else ''}: {', '.join(names) or 'nothing'} varied",
+        f"Runs: {', '.join(names) or 'nothing'} varied",
         ("success", "strict", "episodes", "seconds", "tokens", "jobs"),
         tuple(SheetRow(label + _marked(members), _cells(members)) for label, members in rows.items()),
         count(len(cells), "job") + (f", {failed} of them failed" if failed else ""),
         runs_of(cells),
         EXPLANATION,
-        gallery=Exhibits("Jobs", tuple(jobs)),
+        tuple(jobs),
     )
 
 

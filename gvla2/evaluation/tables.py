@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import base64
 import csv
 import io
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from gvla2.evaluation.results import Cell, Run
 
@@ -42,25 +41,12 @@ class SheetRow:
 
 
 @dataclass(frozen=True)
-class Exhibit:
-    """Something to look at: paths of pictures, side by side, or the film of a ``page`` that explains it."""
+class Film:
+    """The ``page`` of an episode or job with its ``file``, a film or the picture from before it; "" if it has none."""
 
     caption: str
-    pictures: tuple[str, ...]
-    page: str = ""
-
-
-@dataclass(frozen=True)
-class Exhibits:
-    """Exhibits below a table."""
-
-    heading: str
-    exhibits: tuple[Exhibit, ...]
-
-    @property
-    def films(self) -> bool:
-        """Whether these are pages with films."""
-        return any(exhibit.page for exhibit in self.exhibits)
+    file: str
+    page: str
 
 
 @dataclass(frozen=True)
@@ -76,7 +62,7 @@ class Sheet:
     counts: str
     runs: tuple[int, ...]
     explanation: str
-    gallery: Exhibits | None = None
+    films: tuple[Film, ...] = ()
 
     @property
     def footnote(self) -> str:
@@ -84,11 +70,11 @@ class Sheet:
         return f"{self.counts}; runs {', '.join(map(str, self.runs))} of the results database."
 
 
-def film(caption: str, folder: str) -> Exhibit:
-    """The page of an episode or job, by its folder, with its film, or the picture from before it."""
-    stills = (f"{folder}/{name}" for name in ("episode.mp4", "before.png"))
-    shown = next((path for path in stills if Path(path).is_file()), "")
-    return Exhibit(caption, (shown,) if shown else (), f"{folder}/index.html")
+def film(caption: str, folder: str) -> Film:
+    """The film of an episode or job by its folder."""
+    stills = (Path(folder) / name for name in ("episode.mp4", "before.png"))
+    shown = next((path.as_uri() for path in stills if path.is_file()), "")
+    return Film(caption, shown, (Path(folder) / "index.html").as_uri())
 
 
 def runs_of(cells: Iterable[Cell]) -> tuple[int, ...]:
@@ -182,10 +168,7 @@ def to_csv(cells: Sequence[Cell]) -> str:
 
 
 def render_report(sheets: Sequence[Sheet], runs: Sequence[Run], title: str) -> str:
-    """The page: tables, pictures, and the runs that every number comes from.
-
-    Pictures that are still on disk are embedded, films linked: they would make it hundreds of megabytes.
-    """
+    """The page: tables, links to films, and the runs that every number comes from."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     loader = PackageLoader("gvla2.evaluation", ".")
@@ -194,23 +177,7 @@ def render_report(sheets: Sequence[Sheet], runs: Sequence[Run], title: str) -> s
     page = templates.get_template("report.html.jinja").render(
         title=title,
         explanation=explanations(sheets),
-        sheets=[(sheet, _shown(sheet)) for sheet in sheets],
+        sheets=sheets,
         runs=[(run, json.loads(run.versions)) for run in runs if run.id in used],
     )
     return f"{page}\n"
-
-
-def _shown(sheet: Sheet) -> list[dict[str, Any]]:
-    """The exhibits of a table; of those without a page, only the ones with a picture."""
-    found = []
-    for exhibit in sheet.gallery.exhibits if sheet.gallery else ():
-        files = [Path(path) for path in exhibit.pictures if Path(path).is_file()]
-        page = Path(exhibit.page).as_uri() if exhibit.page else ""
-        if page:
-            sources = [file.as_uri() for file in files]
-        else:
-            coded = (base64.b64encode(file.read_bytes()).decode("ascii") for file in files)
-            sources = [f"data:image/png;base64,{content}" for content in coded]
-        if page or sources:
-            found.append({"caption": exhibit.caption, "sources": sources, "page": page})
-    return found

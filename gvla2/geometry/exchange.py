@@ -1,4 +1,4 @@
-"""What passes between components: arrays that nobody else can change, and assertions of what an answer must be.
+"""Read-only arrays for what passes between components, and assertions about what a component returns.
 
 A run makes these of plugins, and so does :mod:`gvla2.testing`; they raise :class:`ConformanceError`.
 """

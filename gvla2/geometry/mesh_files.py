@@ -64,32 +64,22 @@ def read_textured_mesh(path: str | os.PathLike[str], up: Literal["file", "z"] = 
     """
     source = Path(path)
     scene, from_file = _load(source, up)
-    parts, looks = [], []
     try:
-        for part in scene.dump():
-            if isinstance(part, trimesh.Trimesh) and len(part.faces):
-                parts.append(part)
-                looks.append(_look(part))
+        pieces = [p for p in scene.dump() if isinstance(p, trimesh.Trimesh) and len(p.faces)]
+        if not pieces:
+            raise GeometryError("it holds no triangles.")
+        looks = [_look(piece) for piece in pieces]
+        vertices, faces = np.unique(np.concatenate(list(map(_corners, pieces))), axis=0, return_inverse=True)
+        mesh = TriangleMesh(vertices @ from_file.T, faces.reshape(-1, 3))
     except Exception as error:  # trimesh's visuals raise anything
         raise _unreadable(source, error) from error
-    if not parts:
-        raise GeometryError(f"Cannot read a mesh from {source}: it holds no triangles.")
-    images: list[NDArray[np.uint8]] = []
-    texture = []
-    for part, (_, _, image) in zip(parts, looks, strict=True):
-        texture.append(np.full(len(part.faces), -1 if image is None else len(images), dtype=np.int64))
-        if image is not None:
-            images.append(image)
-    corners = np.concatenate([_corners(source, part) for part in parts])
-    vertices, faces = np.unique(corners, axis=0, return_inverse=True)
-    try:
-        mesh = TriangleMesh(vertices @ from_file.T, faces.reshape(-1, 3))
-    except GeometryError as error:
-        raise GeometryError(f"Cannot read a mesh from {source}: {error}") from error
+    images = [image for _, _, image in looks if image is not None]
+    numbers = np.cumsum([image is not None for _, _, image in looks]) - 1
+    texture = [-1 if image is None else number for number, (_, _, image) in zip(numbers, looks, strict=True)]
     return TexturedMesh(
         mesh,
         np.concatenate([uv for uv, _, _ in looks]),
-        np.concatenate(texture),
+        np.repeat(np.array(texture, dtype=np.int64), [len(piece.faces) for piece in pieces]),
         np.concatenate([rgb for _, rgb, _ in looks]),
         tuple(images),
     )
@@ -153,15 +143,15 @@ def _load(source: Path, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatA
     """The file's scene as it is, and the matrix (3, 3) that takes its points to our frame, metres."""
     suffix = _suffix(source, READABLE)
     try:
+        if not source.is_file():
+            raise GeometryError("there is no such file.")
         content = source.read_bytes()
         if suffix == ".dae":
             return _load_collada(source, content, up)
         if suffix in _GLTF:
-            _check_extensions(source, content)
+            _check_extensions(content)
         scene = trimesh.load_scene(source, process=False)
-    except FileNotFoundError:
-        raise GeometryError(f"Cannot read a mesh from {source}: there is no such file.") from None
-    except (GeometryError, MissingDependencyError):
+    except MissingDependencyError:
         raise
     except Exception as error:  # trimesh's parsers raise anything
         raise _unreadable(source, error) from error
@@ -187,17 +177,15 @@ def _load_collada(source: Path, content: bytes, up: Literal["file", "z"]) -> tup
     return scene, turn * (float(unit[1]) if unit else 1.0)
 
 
-def _check_extensions(source: Path, content: bytes) -> None:
+def _check_extensions(content: bytes) -> None:
     """Raise :class:`GeometryError` for a glTF file that requires what trimesh would misread or leave out."""
     text = content
     if content[:4] == b"glTF":
         (length,) = struct.unpack_from("<I", content, 12)
         text = content[20 : 20 + length]
     if found := _UNREADABLE & set(json.loads(text).get("extensionsUsed", ())):
-        raise GeometryError(
-            f"Cannot read a mesh from {source}: its vertices are compressed ({', '.join(sorted(found))}); export it "
-            "without compression."
-        )
+        which = ", ".join(sorted(found))
+        raise GeometryError(f"its vertices are compressed ({which}); export it without compression.")
 
 
 def _suffix(path: Path, known: tuple[str, ...]) -> str:
@@ -208,19 +196,18 @@ def _suffix(path: Path, known: tuple[str, ...]) -> str:
 
 
 def _unreadable(source: Path, error: Exception) -> GeometryError:
-    return GeometryError(f"Cannot read a mesh from {source}: {type(error).__name__}: {error}")
+    kind = "" if isinstance(error, GeometryError) else f"{type(error).__name__}: "
+    return GeometryError(f"Cannot read a mesh from {source}: {kind}{error}")
 
 
-def _corners(source: Path, part: trimesh.Trimesh) -> FloatArray:
-    """(3F, 3) the corners of a part's faces."""
-    faces, count = np.asarray(part.faces).ravel(), len(part.vertices)
+def _corners(piece: trimesh.Trimesh) -> FloatArray:
+    """(3F, 3) the corners of the faces."""
+    faces, count = np.asarray(piece.faces).ravel(), len(piece.vertices)
     if faces.min() < 0 or faces.max() >= count:
-        raise GeometryError(
-            f"Cannot read a mesh from {source}: a face names vertex {faces.max()}, there are {count} (from 0)."
-        )
-    corners: FloatArray = np.asarray(part.vertices, dtype=np.float64)[faces]
+        raise GeometryError(f"a face names vertex {faces.max()}, there are {count} (from 0).")
+    corners: FloatArray = np.asarray(piece.vertices, dtype=np.float64)[faces]
     if not np.isfinite(corners).all():
-        raise GeometryError(f"Cannot read a mesh from {source}: its vertices are not finite.")
+        raise GeometryError("its vertices are not finite.")
     return corners
 
 

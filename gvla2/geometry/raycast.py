@@ -208,9 +208,8 @@ def draw(
     hits: NDArray[np.int64],
     farthest: bool = False,
 ) -> None:
-    """Where a face is nearer than ``depth`` (H, W), puts its depth and ``first_face`` plus its number in both images.
-
-    ``farthest``: where it is farther.
+    """Draw faces into ``depth`` (H, W) and ``hits`` (``first_face`` plus the face's number) where they are nearer,
+    or with ``farthest`` where they are farther.
 
     ``corners`` (V, 3) are the vertices in the camera's frame times K: (u z, v z, z). A pixel centre (u, v, 1) lies in
     the triangle a, b, c where its products with b x c, c x a and a x b have one sign, also where the triangle reaches

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import urlsplit
 
+from gvla2.component import check_ranges
 from gvla2.errors import ConfigurationError
+
+RANGES = {
+    "timeout": (0.001, 1e6, "s"),
+    "retries": (0, 1000, ""),
+    "concurrency": (1, 10_000, ""),
+    "temperature": (0, 100, "or null"),
+    "max_tokens": (1, 10_000_000, "or null"),
+}
 
 
 @dataclass(kw_only=True)
@@ -36,16 +45,8 @@ class AskingOptions:
 
     def check(self) -> None:
         """Raise :class:`ConfigurationError` for invalid options."""
-        limits = {
-            "timeout": (self.timeout, self.timeout > 0, "more than 0 seconds"),
-            "retries": (self.retries, self.retries >= 0, "0 or more"),
-            "concurrency": (self.concurrency, self.concurrency >= 1, "1 or more"),
-            "temperature": (self.temperature or 0.0, (self.temperature or 0.0) >= 0, "0 or more, or null"),
-            "max_tokens": (self.max_tokens or 0, self.max_tokens != 0, "1 or more, or null"),
-        }
-        for name, (value, right, wanted) in limits.items():
-            if not (right and math.isfinite(value) and value >= 0):
-                raise ConfigurationError(f"{name} is {value}; it must be {wanted}.")
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        check_ranges(SimpleNamespace(**given), "language", RANGES)
         try:
             json.dumps(self.extra)
         except (TypeError, ValueError, RecursionError) as error:
@@ -81,8 +82,8 @@ class EndpointOptions(AskingOptions):
         key = os.environ.get(self.api_key_env, "").strip() if self.api_key_env else ""
         if self.api_key_env and not key:
             raise ConfigurationError(
-                f"The environment variable '{self.api_key_env}' should hold the key for {self.base_url} and is not "
-                "set. Set it, or leave api_key_env empty for a server without keys."
+                f"The environment variable '{self.api_key_env}' of the key for {self.base_url} is not set. Set it, or "
+                "leave api_key_env empty for a server without keys."
             )
         return key
 
@@ -95,12 +96,10 @@ class EndpointOptions(AskingOptions):
         except ValueError:
             sound = False
         if not sound:
-            raise ConfigurationError(
-                f"base_url is '{self.base_url}', which is not a server's address. It should look like "
-                "http://127.0.0.1:8000/v1."
-            )
+            why = "is not a server's address, such as http://127.0.0.1:8000/v1."
+            raise ConfigurationError(f"base_url is '{self.base_url}', which {why}")
         if "@" in parts.netloc:
             raise ConfigurationError(
-                "base_url holds a name or a password, which every run's folder would show. Put the key into an "
-                "environment variable and name that in api_key_env."
+                "base_url holds a name or a password, which every run's folder would show: api_key_env names the "
+                "environment variable of a key."
             )

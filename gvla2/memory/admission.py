@@ -210,7 +210,7 @@ def evidence(record: Record) -> float:
 
 
 def standing(record: Record) -> tuple[int, float, float, str]:
-    """Sort key of contradicting records, of which the first stays: trust, evidence, then the later one, then ids."""
+    """Sort key of contradicting records: the first one stays, by trust, evidence, then the later one, then ids."""
     return int(record.trust != "own"), -evidence(record), -record.updated, record.id
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.events import GENESIS, Event, StoredEpisode, digest_of, payload_digest, row_digest
@@ -65,7 +66,7 @@ def audit(view: BankView, head: str = "") -> list[Problem]:
             problems.append(Problem("record", str(row.id), f"damaged: {damage}"))
         elif digest is None:
             problems.append(Problem("record", row.id, "no event created it"))
-        elif row_digest(Record(*row)) != digest:
+        elif row_digest(Record(*tuple[Any, ...](row))) != digest:
             problems.append(Problem("record", row.id, "it differs from what its last event stored"))
     links = {(link.source, link.kind, link.target) for link in view.links()}
     for link in sorted(links ^ expected.links):

@@ -43,7 +43,7 @@ from gvla2.memory.options import BankOptions
 from gvla2.memory.records import MAX_QUERY, LifecycleState, Record, clean, finite
 from gvla2.memory.rendering import item_of, render
 from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
-from gvla2.memory.store import Store, settled
+from gvla2.memory.store import Store, resolved_address
 
 if TYPE_CHECKING:  # a recall does not wait for the modules that decide
     from gvla2.memory.audit import Problem
@@ -103,7 +103,7 @@ class KnowledgeBank(OpenBank, Closing):
             self._retriever = SemanticRetriever()
         store = address
         if not isinstance(store, Store):
-            store = Store.open(store or settled("", os.environ), busy_seconds=busy_seconds)
+            store = Store.open(store or resolved_address("", os.environ), busy_seconds=busy_seconds)
         embedder = embedder or StaticEmbedder()
         super().__init__(store, bank, Index(store, bank, embedder), embedder, options, inducer, clock)
         self._lock = threading.RLock()
@@ -169,8 +169,8 @@ class KnowledgeBank(OpenBank, Closing):
     ) -> Learned:
         """Add a lesson without an episode; durable when it returns.
 
-        A lesson from others stays provisional until verified episodes of two independent sources, or one of ours,
-        confirm it. ``trusted`` vouches for it as for the user's own episodes, and serves as verdict if none is given.
+        A lesson from others stays provisional until a verified episode of ours confirms it. ``trusted`` vouches for it
+        as for the user's own episodes, and serves as verdict if none is given.
         """
         given = verdict or _reported(True if trusted else None)
         return self.admit_many([(_lesson(lesson), given, task, source)], trusted=trusted)
@@ -198,8 +198,8 @@ class KnowledgeBank(OpenBank, Closing):
     ) -> Judged:
         """Let ``judge`` decide which similar lessons in words contradict each other.
 
-        At most ``limit`` pairs, of which one is in ``about`` (all by default). Of two that do, the less trusted, else
-        the one with less evidence, is archived. Without governance nothing is judged.
+        It gets at most ``limit`` pairs with a record in ``about`` (all by default). Of two that contradict each other,
+        the less trusted, else the one with less evidence, is archived. Without governance nothing is judged.
         """
         from gvla2.memory import contradiction
 

@@ -15,8 +15,6 @@ Array = NDArray[np.float64]
 UNSEEN = 10
 """Pseudo-records added to a bank's count: in a small bank every word would be rare."""
 SECONDS_PER_DAY = 86_400.0
-_TERMS = 1000
-"""Number of terms whose records are kept."""
 
 
 class HeldRecord:
@@ -39,8 +37,6 @@ class Candidates:
 
     def __init__(self, held: Sequence[HeldRecord], now: float) -> None:
         self._held, self.now = sorted(held, key=lambda one: one.record.id), now
-        self._asked: tuple[str, Array] | None = None
-        self._by_term: dict[str, NDArray[np.bool_]] = {}
 
     def __len__(self) -> int:
         return len(self._held)
@@ -74,15 +70,11 @@ class Candidates:
         evidence turns, recall@10 of half BM25 and half cosine is .64 with k1 = 0 and .56 to .60 with k1 = 1.2 (static
         vectors; both divided by the query's maximum, so that scores of different queries are comparable).
         """
-        if self._asked is None or self._asked[0] != query:
-            self._asked = query, self._lexical(subqueries(query))
-        return self._asked[1]
-
-    def _lexical(self, asked: Sequence[frozenset[str]]) -> Array:
+        asked = subqueries(query)
         if not asked or not self._held:
             return np.zeros(len(self))
         every = sorted(asked[0])  # the whole query's, which include those of its sentences
-        has = np.stack([self._holders(term) for term in every])  # (T, N)
+        has = np.array([[term in one.terms for one in self._held] for term in every])  # (T, N)
         holders = np.count_nonzero(has, axis=1)
         idf = np.log1p((len(self) + UNSEEN - holders + 0.5) / (holders + 0.5))  # (T,)
         weights = np.array([[term in some for term in every] for some in asked]) * idf  # (Q, T)
@@ -93,12 +85,3 @@ class Candidates:
                 share[has[row]] += some[row]
             np.maximum(best, share, out=best)
         return best
-
-    def _holders(self, term: str) -> NDArray[np.bool_]:
-        """(N,) which records have a term in their words; kept, since queries repeat terms."""
-        if len(self._by_term) > _TERMS:
-            self._by_term.clear()
-        if term not in self._by_term:
-            found = (term in one.terms for one in self._held)
-            self._by_term[term] = np.fromiter(found, np.bool_, len(self))
-        return self._by_term[term]

@@ -1,4 +1,4 @@
-"""Whether two lessons contradict each other, or say the same.
+"""Whether two lessons contradict each other.
 
 Typed effects decide exactly: their numbers and bounds are compared as data. What free texts mean to one another is
 unknown until a judge, any model by configuration, has decided; without one they stand beside each other.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from itertools import islice
 from typing import Any
 
@@ -17,14 +16,12 @@ from gvla2.memory.admission import standing
 from gvla2.memory.contracts import Judge, LessonPair
 from gvla2.memory.ledger import OpenBank, deciding
 from gvla2.memory.records import Record
-from gvla2.memory.text import numbers, stem, words
 from gvla2.memory.view import pairs_of
 
 BATCH = 16
 """Pairs per request to a judge."""
 NEAREST = 4
 """Number of records near to each that a judge compares it with."""
-_ARTICLES = frozenset(("a", "an", "the"))
 TypedEffect = Mapping[str, Any]
 Pair = tuple[str, str]
 
@@ -80,28 +77,6 @@ def _same_parameter(first: TypedEffect, second: TypedEffect) -> bool:
     return all(not mine or not theirs or mine == theirs for mine, theirs in given)
 
 
-def same_lesson(first: Record, second: Record) -> bool:
-    """Whether two records may be merged: of one type and skill, about one parameter, in the same words and numbers.
-
-    They may differ in inflection, punctuation and articles. In doubt they stay apart, since a merge loses information:
-    one more word, or another order of them, may mean something else.
-    """
-    if first.type != second.type or first.skill != second.skill:
-        return False
-    mine, theirs = first.effect_json() or {}, second.effect_json() or {}
-    if bool(mine) != bool(theirs) or "program" in (mine.get("kind"), theirs.get("kind")):
-        return False
-    alike = all(mine.get(name) == theirs.get(name) for name in ("kind", "op", "skill", "object", "region"))
-    if mine and not (alike and _same_parameter(mine, theirs)):
-        return False
-    return _wording(first.content) == _wording(second.content)
-
-
-@lru_cache(maxsize=16384)
-def _wording(content: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    return tuple(stem(word) for word in words(content) if word not in _ARTICLES), tuple(numbers(content))
-
-
 @dataclass
 class Judged:
     """The result of judging: pairs of ids by decision, ids of the archived ones, and why pairs were left open."""
@@ -115,7 +90,7 @@ class Judged:
 def judge(
     bank: OpenBank, judge: Judge, *, about: Collection[str] | None = None, limit: int | None = None
 ) -> Judged:
-    """Have at most ``limit`` pairs of similar lessons in words decided, of which one is in ``about`` (all by default).
+    """Let the judge decide at most ``limit`` pairs of similar lessons in words, with a record in ``about`` if given.
 
     The judge works outside any transaction. Of two of one type that contradict each other the less trusted is archived,
     of equally trusted ones the one with less evidence; a hint and a constraint both stay, linked.

@@ -81,16 +81,17 @@ class StaticEmbedder:
 
 
 def model_folder() -> Path:
-    """The folder of the package's files; the package itself is not imported."""
-    found = importlib.util.find_spec(PACKAGE)
-    if found is None or not found.submodule_search_locations:
-        raise MissingDependencyError(
-            f"the package '{PACKAGE}' (a table of token vectors, 16 MB, no download at run time)",
-            "The embedder 'static'",
-            f"pip install {PACKAGE}",
-            "MIT",
-        )
-    return Path(next(iter(found.submodule_search_locations)))
+    """The folder of the package's files."""
+    if (folder := package_folder(PACKAGE)) is None:
+        what = f"the package '{PACKAGE}' (a table of token vectors, 16 MB, no download at run time)"
+        raise MissingDependencyError(what, "The embedder 'static'", f"pip install {PACKAGE}", "MIT")
+    return folder
+
+
+def package_folder(package: str) -> Path | None:
+    """The folder of an installed package, which is not imported; None if it is missing."""
+    found = importlib.util.find_spec(package)
+    return Path(next(iter(found.submodule_search_locations or ("",)))) if found else None
 
 
 @lru_cache(maxsize=2)

@@ -18,16 +18,16 @@ PROGRAMS = 3
 
 def govern(ledger: LessonLedger) -> None:
     """Archive stale failures, all but a few programs for the same purpose, and records beyond the budgets."""
-    options, groups = ledger.options, defaultdict[str, list[Record]](list)
+    options, programs = ledger.options, defaultdict[str, list[Record]](list)
     for record in ledger.held("active"):
         old = ledger.now - max(record.updated, record.used) >= options.retire_days * SECONDS_PER_DAY
         if old and not record.usage and record.outcome != "verified_success":
             ledger.archive(record, "RETIRE", f"a failure unused for {options.retire_days:g} days")
-        elif purpose := _purpose(record):
-            groups[purpose].append(record)
-    for programs in groups.values():
-        best = sorted(programs, key=lambda r: (-evidence(r), -r.usage, -r.updated, r.id))
-        for record in best[PROGRAMS:]:
+        elif "program" in record.effect and (effect := record.effect_json() or {}).get("kind") == "program":
+            purpose = dump([record.type, *(effect.get(name) for name in ("skill", "language", "roles"))])
+            programs[purpose].append(record)
+    for some in programs.values():
+        for record in sorted(some, key=lambda r: (-evidence(r), -r.usage, -r.updated, r.id))[PROGRAMS:]:
             ledger.archive(record, "ARCHIVE", f"{PROGRAMS} others have more evidence")
     for state, budget in (("active", options.active_budget), ("provisional", options.provisional_budget)):
         held = ledger.held(state)
@@ -47,11 +47,3 @@ def retention(record: Record, now: float) -> float:
     verified = 0.5 if record.outcome == "verified_success" or warns(record) else -0.3
     recency = max(0.0, 0.25 - days / 90.0)
     return 0.5 + 1.5 * record.confidence + verified + min(0.1 * record.usage, 0.5) + recency
-
-
-def _purpose(record: Record) -> str:
-    """What a record's program is for (type, skill, language, kinds of objects); "" without a program."""
-    effect = record.effect_json() if "program" in record.effect else None
-    if not effect or effect.get("kind") != "program":
-        return ""
-    return dump([record.type, *(effect.get(name) for name in ("skill", "language", "roles"))])

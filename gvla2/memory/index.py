@@ -27,8 +27,7 @@ class Index:
     """
 
     def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
-        self.bank = bank
-        self.rev = 0
+        self.bank, self.rev = bank, 0
         self._store, self._embedder = store, embedder
         self._replaces = not isinstance(embedder, StaticEmbedder)
         self._dimension = int(embedder.embed([""]).shape[1])
@@ -38,6 +37,12 @@ class Index:
 
     def __len__(self) -> int:
         return len(self._held)
+
+    def clear(self) -> None:
+        """Forget everything: the next refresh reads the whole bank."""
+        self.rev = 0
+        self._held.clear()
+        self._candidates.clear()
 
     def refresh(self) -> None:
         """Apply newer changes of the store's bank; quick when there are none.
@@ -57,13 +62,22 @@ class Index:
         ]
         vectors = self._vectors(kept)
         if not since:
-            self._held.clear()
+            self.clear()
         for change in changes:
             self._held.pop(change.record.id, None)
         for one, vector in zip(kept, vectors, strict=True):
             self._held[one.record.id] = HeldRecord(one.record, vector, one.conflicts)
         self._candidates.clear()
         self.rev = rev
+
+    def put(self, record: Record, vector: NDArray[np.float32] | None) -> None:
+        """Hold a record as a transaction leaves it; without a new ``vector`` (D,) it keeps the one it has."""
+        before = self._held.pop(record.id, None)
+        if vector is None and before is not None:
+            vector = before.vector
+        if record.state in STATES and vector is not None:
+            self._held[record.id] = HeldRecord(record, vector, before.conflicts if before else 0)
+        self._candidates.clear()
 
     def keep(self) -> None:
         """Store newly made vectors, if the bank is writable; not within a transaction."""
@@ -74,8 +88,7 @@ class Index:
 
     def candidates(self, states: Sequence[str], *, now: float = 0.0) -> Candidates:
         """The records of these states, as a retriever ranks them; ``now`` in seconds since the epoch."""
-        present = {one.record.state for one in self._held.values()}
-        wanted = tuple(state for state in states if state in present)
+        wanted = tuple(states)
         if wanted not in self._candidates:
             held = [one for one in self._held.values() if one.record.state in wanted]
             self._candidates[wanted] = Candidates(held, now)

@@ -27,17 +27,19 @@ from gvla2.memory.admission import (
     weigh,
 )
 from gvla2.memory.contracts import Learned, Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.contradiction import conflict_of, same_lesson
+from gvla2.memory.contradiction import conflict_of
 from gvla2.memory.embedding import record_vectors
 from gvla2.memory.events import StoredEpisode
 from gvla2.memory.governance import govern
-from gvla2.memory.index import STATES
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.ledger import LessonLedger, OpenBank, deciding
-from gvla2.memory.records import MAX_QUERY, Record, clean, dedup_key
+from gvla2.memory.records import MAX_QUERY, Record, Trust, clean, dedup_key
 
 CHUNK = 256
 """Lessons without an episode that share a transaction."""
+UNLIKE = 0.1
+"""Records with a smaller cosine do not contradict each other. Lessons of one wording for different tasks may have less
+than .2, as half of a vector is the task's."""
 MAX_CONTENT = 2000
 MAX_SOURCE = 200
 MAX_TRANSCRIPT = 20_000
@@ -95,10 +97,10 @@ def admit(bank: OpenBank, items: Sequence[JudgedEpisode]) -> Learned:
 
 
 def _weighed(
-    bank: OpenBank, judged: Sequence[JudgedEpisode], fates: list[Learned], most: int
+    bank: OpenBank, judged: Sequence[JudgedEpisode], fates: list[Learned], limit: int
 ) -> list[tuple[JudgedEpisode, list[Weighed]]]:
-    """Which lessons of each episode may be stored, ``most`` of each; embedded in one go, outside the transaction."""
-    weighed = [(one, _admitted(bank, one, fates, most)) for one in judged]
+    """Which lessons of each episode may be stored, ``limit`` of each; embedded in one go, outside the transaction."""
+    weighed = [(one, _admitted(bank, one, fates, limit)) for one in judged]
     texts = [
         (phrasings("", one.episode.task.query), candidate.lesson.content)
         for one, some in weighed
@@ -108,20 +110,21 @@ def _weighed(
     return [(one, [replace(each, vector=next(vectors)) for each in some]) for one, some in weighed]
 
 
-def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], most: int) -> list[Weighed]:
+def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], limit: int) -> list[Weighed]:
     episode, admitted, notes = one.episode, dict[str, Weighed](), list[str]()
     for given in episode.lessons:
         lesson = replace(given, content=clean(given.content, MAX_CONTENT))
         if wrong := invalid(lesson):
             notes.append(f"A lesson was left out: {wrong}.")
             continue
-        trust, unsure = "own" if one.own else "foreign", one.unsure.get(given.content, "")
+        trust: Trust = "own" if one.own else "foreign"
+        unsure = one.unsure.get(given.content, "")
         candidate = weigh(lesson, one.verdict, bank.options, trust=trust, ungrounded=unsure)
         key = dedup_key(lesson.type, lesson.content, episode.task.skill, lesson.effect)
         if candidate.state is None:
             notes.append(candidate.note)
-        elif key not in admitted and len(admitted) >= most:
-            notes.append(f"One episode may bring {most} lessons: the rest was left out.")
+        elif key not in admitted and len(admitted) >= limit:
+            notes.append(f"One episode may bring {limit} lessons: the rest was left out.")
         else:
             admitted.setdefault(key, replace(candidate, key=key))
     fates.append(Learned(discarded=len(episode.lessons) - len(admitted), notes=tuple(notes)))
@@ -202,8 +205,7 @@ class Learning:
         """Add the lesson, merge it, promote what it confirms, or leave the bank as it is."""
         ledger = self._ledger
         fresh = new_record(ledger.transaction.bank, candidate, self._episode, self._verdict, ledger.now)
-        rivals = ledger.nearest(candidate.vector, ledger.options.rivals, STATES)
-        known = self._known(candidate, fresh, rivals)
+        known = ledger.transaction.by_key(candidate.key)
         if candidate.state != "active":
             if known is not None:
                 return self._unchanged(
@@ -219,20 +221,7 @@ class Learning:
             grown = confirmed(known, fresh, self._episode, self._verdict, ledger.now)
             self._store(grown, "MERGE", "one more episode says the same")
             return Learned(merged=(known.id,))
-        return self._activate(fresh, known, rivals, candidate.vector)
-
-    def _known(
-        self, candidate: Weighed, fresh: Record, rivals: Sequence[tuple[Record, float]]
-    ) -> Record | None:
-        """The record that says the same: with the same key, or near in other inflections."""
-        known = self._ledger.transaction.by_key(candidate.key)
-        if known is not None and known.state != "archive":
-            return known
-        for rival, cosine in rivals if self._ledger.options.governance else ():
-            near = rival.state == "active" and cosine >= self._ledger.options.match
-            if near and same_lesson(rival, fresh) and not conflict_of(rival, fresh):
-                return rival
-        return known
+        return self._activate(fresh, known, candidate.vector)
 
     def _unchanged(self, known: Record, why: str, action: str = "DISCARD") -> Learned:
         """The record that is known stays as it is."""
@@ -245,13 +234,7 @@ class Learning:
             else Learned(merged=(known.id,), notes=notes)
         )
 
-    def _activate(
-        self,
-        fresh: Record,
-        known: Record | None,
-        rivals: Sequence[tuple[Record, float]],
-        vector: NDArray[np.float32],
-    ) -> Learned:
+    def _activate(self, fresh: Record, known: Record | None, vector: NDArray[np.float32]) -> Learned:
         """Make a lesson active, unless a record of its type with more evidence contradicts it."""
         ledger, record = self._ledger, fresh
         if known is not None and known.state == "provisional":
@@ -259,10 +242,13 @@ class Learning:
         elif known is not None:
             grown = confirmed(known, fresh, self._episode, self._verdict, ledger.now)
             record = replace(grown, state="active", outcome=fresh.outcome, trust="own", note="")
-        against: list[tuple[Record, str]] = []
-        for rival, _ in rivals if ledger.options.governance else ():
-            if rival.state == "active" and rival.id != record.id and (why := conflict_of(record, rival)):
-                against.append((rival, why))
+        compared = ledger.options.governance and record.effect  # texts are for a judge
+        near = ledger.index.nearest(vector, ledger.options.rivals) if compared else ()
+        against = [
+            (rival, why)
+            for rival, cosine in near
+            if cosine >= UNLIKE and rival.id != record.id and (why := conflict_of(record, rival))
+        ]
         losers = [rival for rival, _ in against if rival.type == record.type]
         strongest = min(losers, key=standing, default=None)
         # On equal weight the later one wins. A hint and a constraint both stay, linked.

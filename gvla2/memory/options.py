@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
+from gvla2.component import check_ranges
 from gvla2.errors import ConfigurationError
 
 
@@ -13,17 +13,16 @@ class BankOptions:
     """What a bank admits, shows and keeps.
 
     Switches, each of them an ablation of the paper when turned off: ``admission`` (off: unverified lessons are admitted
-    too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is merged by similarity, retired, or
-    archived for the budget, and contradictions stay), ``failures`` (off: nothing is learned from failures).
-    ``retrieval`` is "full", or "semantic", which ranks by similarity alone. ``frozen`` stops learning while recall goes
-    on.
+    too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, or archived for the
+    budget, and contradictions stay), ``failures`` (off: nothing is learned from failures). ``retrieval`` is "full", or
+    "semantic", which ranks by similarity alone. ``frozen`` stops learning while recall goes on.
 
     Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
     records.
 
-    Consolidation compares a lesson with the ``rivals`` nearest records above a cosine of ``match``. Governance retires
-    unused failures after ``retire_days``. Replay looks at records with a confidence below ``replay_confidence``, at
-    most ``replay_per_episode`` episodes after each that is learned (0: only on demand).
+    Contradicting effects are looked for among the ``rivals`` nearest records; a judge compares lessons above a cosine
+    of ``match``. Governance retires unused failures after ``retire_days``. Replay looks at records with a confidence
+    below ``replay_confidence``, at most ``replay_per_episode`` episodes after each that is learned (0: only on demand).
     """
 
     admission: bool = True
@@ -46,14 +45,17 @@ class BankOptions:
         """Raises :class:`~gvla2.errors.ConfigurationError` for invalid values; ``where`` they were given."""
         if self.retrieval not in ("full", "semantic"):
             raise ConfigurationError(f"{where}.retrieval is '{self.retrieval}'; it must be full or semantic.")
-        for option in fields(self):
-            value = getattr(self, option.name)
-            if isinstance(value, str | bool):
-                continue
-            if not math.isfinite(value) or value < 0:
-                raise ConfigurationError(f"{where}.{option.name} is {value}; it must not be negative.")
-            if option.name in ("match", "replay_confidence") and value > 1:
-                raise ConfigurationError(f"{where}.{option.name} is {value}; it must lie in [0, 1].")
+        shares = dict.fromkeys(("match", "replay_confidence"), (0, 1, ""))
+        numbers = (
+            "max_chars",
+            "max_per_episode",
+            "active_budget",
+            "provisional_budget",
+            "rivals",
+            "retire_days",
+        )
+        least = dict.fromkeys((*numbers, "replay_per_episode"), (0, 1e12, ""))
+        check_ranges(self, where, {**least, **shares})
 
 
 @dataclass

@@ -175,7 +175,7 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
     words, said = " ".join(unicodedata.normalize("NFC", content).casefold().split()), effect or {}
     about = [str(said.get(name, "")) for name in ("kind", "parameter", "op", "skill")]
     about += [str(said["scale"])] if said.get("scale") else []  # shares and metres are never pooled
-    # Nor are lessons about another object or region.
+    # Lessons about different objects or regions are never pooled either.
     about += [f"{name}={said[name]}" for name in ("object", "region") if said.get(name)]
     if said.get("kind") == "program":
         about += [dump([said.get(name) for name in ("language", "roles", "steps")])]

@@ -68,9 +68,9 @@ def _revise(bank: OpenBank, source: str, verdict: Verdict, done: Replayed) -> No
             action, changed, why = revised(record, verdict, ledger.now, bank.options)
             if not action or source not in record.sources():
                 continue
-            ledger.put(changed, action, why)
+            stored = ledger.put(changed, action, why)
             if action == "PROMOTE":
-                _settle(ledger, changed)
+                _settle(ledger, stored)
             listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
             listed[action].append(record.id)
         ledger.transaction.save_episode(replace(episode, judged=episode.judged + 1))

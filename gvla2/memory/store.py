@@ -165,6 +165,7 @@ class Store(Closing, ABC):
             foreign = type(error).__module__.startswith(("sqlite3", "psycopg"))
             if not foreign and not isinstance(error, SQLAlchemyError | OSError | UnicodeError):
                 raise
+            self._check()
             said = " ".join(str(getattr(error, "orig", None) or error).split())
             hint = next((f" {hint}" for words, hint in _HINTS.items() if re.search(words, said)), "")
             raise MemoryStoreError(f"The memory {self.name} cannot be used: {said}.{hint}") from error
@@ -185,7 +186,7 @@ class Store(Closing, ABC):
 
     def _has_tables(self, connection: Connection) -> bool:
         """Whether the database has our tables; raises for another program's or version's, and for a corrupt one."""
-        names = set(connection.dialect.get_table_names(connection))  # type: ignore[no-untyped-call]
+        names = set(connection.dialect.get_table_names(connection))
         if META.name not in names:
             if names.isdisjoint(table.name for table in TABLES) and (self.shared or not names):
                 return False
@@ -296,7 +297,7 @@ class SqliteStore(Store):
 
     def _check(self) -> None:
         """Check that the file still exists: a change to a deleted file would be lost."""
-        if self._inode() != self._opened:
+        if self._opened is not None and self._inode() != self._opened:
             raise MemoryStoreError(
                 f"The memory {self.name} was deleted or replaced while it was open, and the change was not stored: "
                 f"restore it, and open it again."
@@ -375,7 +376,7 @@ class PostgresStore(Store):
         connection.exec_driver_sql("CHECKPOINT")
 
 
-def settled(address: str, environment: Mapping[str, str]) -> str:
+def resolved_address(address: str, environment: Mapping[str, str]) -> str:
     """The absolute address to open for ``address``, since a run may change its working directory later.
 
     "" is ``memory.db`` in ``$GVLA2_HOME``, else in ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``.

@@ -21,7 +21,6 @@ _WORD = re.compile(r"\w+")
 _UNSPACED = re.compile(
     r"([\u0e00-\u0eff\u1000-\u109f\u1780-\u17ff\u3040-\u30ff\u3400-\u4dbf\u4e00-\u9fff\uf900-\ufaff]+)"
 )
-_NUMBER = re.compile(r"\d+(?:[.,]\d+)*")
 _STEMMER = Stemmer("english", 0)
 # English words that say nothing about a topic; also the verbs of any order ("put", "take") and number words, which
 # queries share with lessons about anything. Other languages rely on the weights of rare words alone.
@@ -56,11 +55,6 @@ def words(text: str) -> list[str]:
             elif part:
                 found.append(part[:MAX_WORD])
     return found
-
-
-def numbers(text: str) -> list[str]:
-    """The numbers of a text in reading order, as they are written."""
-    return _NUMBER.findall(text)
 
 
 @lru_cache(maxsize=16)

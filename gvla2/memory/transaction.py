@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Connection, Row, Table, delete, insert, update
+from sqlalchemy import Connection, Row, delete, insert, update
 from sqlalchemy.dialects import postgresql, sqlite
 
 from gvla2.errors import MemoryStoreError
@@ -50,7 +50,7 @@ MAX_WHY = 2000
 MAX_TEXT = 2_000_000
 """Characters that one column may hold."""
 ERASED = {"why": "", "scores": "", "change": "", "origin": "", "state": "", "salt": b""}
-"""The erased payload of an event about something forgotten."""
+"""The erased payload of an event about something forgotten; without a later event of the forgetting it is damage."""
 
 
 class StaleRecordError(MemoryStoreError):
@@ -113,7 +113,7 @@ class Transaction(BankView):
         if embedded is not None:
             self.sql.execute(upsert(self.sql, VECTOR, ("bank", "id")), embedded)
         elif old is None or old.text != stored.text:
-            self._delete(VECTOR, "id", [stored.id])
+            self._change(delete(VECTOR), VECTOR.c.id, [stored.id])
         change = _difference(old, stored) if old else as_json(stored)
         self._append(action, stored.id, why=why, change=change, origin=origin, row=stored)
         return stored
@@ -169,10 +169,10 @@ class Transaction(BankView):
             return []
         ends = {end for link in self.links(rows) for end in (link.source, link.target)}
         self._touch(ends - rows.keys())
-        for table, column in ((LINK, "source"), (LINK, "target"), (VECTOR, "id")):
-            self._delete(table, column, rows)
-        for column in ("record", "target"):
-            self._erase(column, rows)
+        for column in (LINK.c.source, LINK.c.target, VECTOR.c.id):
+            self._change(delete(column.table), column, rows)
+        for column in (EVENT.c.record, EVENT.c.target):
+            self._change(update(EVENT).values(ERASED), column, rows)
         for row in rows.values():
             version = row.version + 1 if type(row.version) is int else 1
             blank: dict[str, Any] = dict.fromkeys(("query", "content", "type", "outcome"), "")
@@ -193,19 +193,10 @@ class Transaction(BankView):
             for row in self.episode_rows()
             if row.source in named or not rows.keys().isdisjoint(_listed(row.data, "records", rows))
         }
-        self._delete(EPISODE, "source", found)
-        self._erase("record", found.values())
+        self._change(delete(EPISODE), EPISODE.c.source, found)
+        self._change(update(EVENT).values(ERASED), EVENT.c.record, found.values())
         for name in found.values():
             self._append("forget", name)
-
-    def _erase(self, column: str, values: Collection[Any]) -> None:
-        """Erase the payloads of events whose column has one of these values.
-
-        An event of the forgetting must follow: an erased one without it counts as damage.
-        """
-        for some in batches(values):
-            where = (EVENT.c.bank == self.bank) & EVENT.c[column].in_(some)
-            self.sql.execute(update(EVENT).where(where).values(ERASED))
 
     def _append(
         self,
@@ -247,14 +238,13 @@ class Transaction(BankView):
 
     def _touch(self, ids: Iterable[str]) -> None:
         """Mark these records as changed (rev), so that an index notices."""
-        for some in batches(ids):
-            where = (RECORD.c.bank == self.bank) & RECORD.c.id.in_(some) & (RECORD.c.state != FORGOTTEN)
-            self.sql.execute(update(RECORD).where(where).values(rev=self.rev))
+        known = update(RECORD).where(RECORD.c.state != FORGOTTEN)
+        self._change(known.values(rev=self.rev), RECORD.c.id, ids)
 
-    def _delete(self, table: Table, column: str, values: Collection[str]) -> None:
-        """Delete the bank's rows of a table whose column has one of these values."""
+    def _change(self, statement: Any, column: Any, values: Iterable[Any]) -> None:
+        """Update or delete the bank's rows whose column has one of these values."""
         for some in batches(values):
-            self.sql.execute(delete(table).where(table.c.bank == self.bank, table.c[column].in_(some)))
+            self.sql.execute(statement.where(column.table.c.bank == self.bank, column.in_(some)))
 
 
 def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:

@@ -107,12 +107,13 @@ class BankView:
     def events(self, since: int = 0) -> Iterator[Event]:
         """The events with seq > ``since``, oldest first, a few at a time."""
         query = self._of(EVENT).where(EVENT.c.seq > since).order_by(EVENT.c.seq)
-        return (Event(*row) for row in self._named(query, EVENT.c.record, None))
+        return (Event(*tuple[Any, ...](row)) for row in self._named(query, EVENT.c.record, None))
 
     def history(self, id: str) -> list[Event]:
         """The events about one record, oldest first."""
         query = self._of(EVENT).where(EVENT.c.record == id).order_by(EVENT.c.seq)
-        return [event for row in self.sql.execute(query) if not (event := Event(*row)).damage]
+        events = (Event(*tuple[Any, ...](row)) for row in self.sql.execute(query))
+        return [event for event in events if not event.damage]
 
     def episodes(self, sources: Wanted = None) -> dict[str, StoredEpisode]:
         """The stored episodes by source, of these sources or all."""

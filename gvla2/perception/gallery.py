@@ -7,22 +7,34 @@ all cameras judge the result.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import correlate1d
-from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.geometry.views import Observation, View
+from gvla2.geometry.views import Observation
+from gvla2.perception.articulated import with_parts
+from gvla2.perception.fitting import (
+    NEAR,
+    ODDS,
+    TALLER,
+    Fit,
+    SeenPoints,
+    Sights,
+    coarse_starts,
+    histogram,
+    judged,
+    refined,
+    seen_surface,
+    sights_of,
+    turned,
+)
+from gvla2.perception.fixtures import find_large, moving_parts, seen_grid
 from gvla2.perception.labels import SURE_ENOUGH, Naming
-from gvla2.perception.nearest import NearestPoints, closest_points
 from gvla2.perception.objects import object_of, opening_of
-from gvla2.perception.scans import TRUNCATED, KnownScan, check_names, corners_of, diameter, read_scans
+from gvla2.perception.scans import KnownScan, check_names, corners_of, diameter, read_scans
 from gvla2.planning.colours import appearance
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
@@ -30,251 +42,42 @@ LEAST = 40
 """Least seen points for an object to be recognised."""
 LEAST_SHARED = 0.12
 """Overlap of the colour histograms below which a scan is not tried."""
-TALLER = 0.02
-"""Metres by which a resting pose may differ in height from the seen surface."""
-TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
-"""(20, 3, 3) turns about the vertical that are tried for each resting pose."""
-COARSE, BACK, FINE = 60, 60, 200
-"""Seen points, points of the scan's upper side, and seen points again: of a coarse start and of the refinement."""
-CHECKED = 40
-"""Starts of a scan that are checked in reverse."""
-POSES = 4
-"""Starts of a scan that are refined."""
 REFINED, THOROUGH = 6, 2
 """Number of scans whose best start is refined; and of the likeliest of these, whose other starts are refined too."""
-AS_WELL = 0.002
-"""A turned scan fits as well if the seen points are, on average, hardly farther from it, metres."""
-ROUNDS = 14
-"""Iterations of closest points."""
-NEAR = 0.008
-"""Metres between the placed scan and the measured depth within which a pixel shows the scan."""
-GAP = 0.012
-"""Metres that the scan's surface lies before the measured depth when the camera looked through it."""
-BINS = 6
-
-
-@dataclass(frozen=True)
-class SeenPoints:
-    """An object's seen surface: ``points`` (N, 3) world, metres; the cameras with what each measured.
-
-    ``looks`` (N, 3) of the points, NaN where no camera shows one, see :func:`~gvla2.planning.colours.appearance`;
-    ``depths`` (H, W) metres, NaN where nothing is known, and ``images`` (H, W, 3) looks, one a camera; ``table`` is the
-    table's height.
-    """
-
-    points: FloatArray
-    looks: FloatArray
-    nearest: NearestPoints
-    cameras: tuple[Camera, ...]
-    depths: tuple[FloatArray, ...]
-    images: tuple[FloatArray, ...]
-    table: float
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A scan placed by ``world_from_scan`` (4, 4), from the frame about its box's middle.
-
-    ``gap`` is the mean truncated distance of the seen points from the scan, ``residual`` the median one, metres;
-    ``explained`` the share of seen points that lie on it; ``through`` the share of its surface that cameras looked
-    through, or that would lie in the table; ``colour`` the mean difference of looks between its surface and the
-    pictures.
-    """
-
-    scan: KnownScan
-    world_from_scan: FloatArray
-    gap: float
-    residual: float
-    explained: float
-    through: float
-    colour: float
+LARGE = 0.3
+"""A known object longer than this, metres, is also searched for where only a part of it is seen."""
+AROUND = 0.014
+"""Metres around such an object within which seen points are of it: its samples lie farther apart."""
+FLOATS = 0.015
+"""A body whose lowest seen points are this high above the table, metres, stands on something."""
+LAYER = 0.015
+"""Steps of height in which what stands on something else is looked for, metres."""
+RARE, LEAST_THERE = 0.001, 0.5
+"""Share of a scene's points from which it has a colour, and how much of such a scan must be of colours that it has."""
+MORE = 4.0
+"""Log-odds for each e-fold more of the seen surface that one explains."""
+LEAST_SHOWN, MOSTLY = 250, 0.7
+"""Least seen points on such an object, and the share of them that must lie on no other."""
 
 
 @dataclass(frozen=True)
 class Recognised:
-    """A whole object that a scan explains."""
+    """A whole object that a scan explains, and its parts that move; ``stacked``: it stands on something else."""
 
     object: SceneObject
     fit: Fit
+    parts: tuple[SceneObject, ...] = ()
+    stacked: bool = False
 
     def explains(self, points: FloatArray) -> NDArray[np.bool_]:
         """(N,) which of the world points (N, 3) lie on the placed scan."""
-        local = transform_points(invert_rigid(self.fit.world_from_scan), points)
-        return self.fit.scan.nearest.query(local)[0] < NEAR
+        return on_scan(self.fit, points)
 
 
-def coarse_starts(scan: KnownScan, seen: SeenPoints) -> tuple[float, list[FloatArray]] | None:
-    """The best poses (4, 4) of a scan on the table and the best one's mean distance, metres.
-
-    None if no resting pose has the seen height.
-    """
-    top = float(np.percentile(seen.points[:, 2], 99.0)) - seen.table
-    heights = np.ptp(scan.corners @ scan.rests[:, 2].T, axis=0)
-    rests = scan.rests[np.abs(heights - top) <= TALLER]
-    if not len(rests):
-        return None
-    turns = (TURNS @ rests[:, None]).reshape(-1, 3, 3)  # (P, 3, 3)
-    lain = turns @ scan.corners.T  # (P, 3, H)
-    low, high = lain.min(axis=2), lain.max(axis=2)
-    # The scan's own outline is laid where the seen outline is.
-    middle = 0.5 * (seen.points[:, :2].min(axis=0) + seen.points[:, :2].max(axis=0))
-    shifts = np.column_stack([middle - 0.5 * (low + high)[:, :2], seen.table - low[:, 2]])
-    spread = seen.points[:: max(1, len(seen.points) // COARSE)]
-    forth = _truncated(scan.nearest, (spread - shifts[:, None]) @ turns).mean(axis=1)
-    # The best ones are checked in reverse: does the scan's upper side lie where something is seen?
-    checked = np.argsort(forth, kind="stable")[:CHECKED]
-    some = slice(None, None, max(1, len(scan.points) // (2 * BACK)))
-    placed = scan.points[some] @ turns[checked].transpose(0, 2, 1) + shifts[checked, None]
-    upper = turns[checked, 2] @ scan.normals[some].T > 0.2
-    back = (_truncated(seen.nearest, placed) * upper).sum(axis=1) / np.maximum(upper.sum(axis=1), 1)
-    gaps = forth[checked] + np.where(upper.any(axis=1), back, TRUNCATED)
-    best = np.argsort(gaps, kind="stable")[:POSES]
-    return float(gaps[best[0]]), [rigid(turns[i], shifts[i]) for i in checked[best]]
-
-
-def _truncated(nearest: NearestPoints, points: FloatArray) -> FloatArray:
-    """Distances of points (..., 3) from the nearest, at most :data:`TRUNCATED` metres."""
-    return np.minimum(nearest.query(points)[0], TRUNCATED)
-
-
-def refined(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> FloatArray:
-    """The pose (4, 4) after iterated closest points, point to plane, the farthest fifth of the pairs left out."""
-    points = seen.points[:: max(1, len(seen.points) // FINE)]
-    scan_from_world = invert_rigid(pose)
-    nearest = scan.nearest
-    closest_points(
-        transform_points(scan_from_world, points), scan.points, scan.normals, nearest.table, nearest.low,
-        nearest.cell, ROUNDS, scan_from_world,
-    )  # fmt: skip
-    return invert_rigid(scan_from_world)
-
-
-def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
-    """How well a placed scan explains what all cameras measured."""
-    points = seen.points[:: max(1, len(seen.points) // 700)]
-    local = transform_points(invert_rigid(pose), points)
-    gaps, nearest = scan.nearest.query(local)
-    # Samples lie some millimetres apart: the distance to the plane at the nearest is that to the surface.
-    flat = np.abs(np.einsum("ij,ij->i", local - scan.points[nearest], scan.normals[nearest]))
-    off = np.where(gaps < 0.01, np.maximum(flat, gaps - 0.004), gaps)
-    shown, through, differences = 0, 0, []
-    placed, turned = transform_points(pose, scan.points[::2]), scan.normals[::2] @ pose[:3, :3].T
-    looks = scan.looks[::2]
-    for camera, depths, image in zip(seen.cameras, seen.depths, seen.images, strict=True):
-        towards = camera.position - placed
-        facing = np.einsum("ij,ij->i", turned, towards) > 0.25 * np.linalg.norm(towards, axis=1)
-        uv, z = camera.project(placed[facing])
-        inside = camera.inside(uv)
-        columns, rows = np.floor(uv[inside]).astype(int).T
-        before = depths[rows, columns] - z[inside]  # NaN compares false: unknown says nothing
-        here = np.abs(before) < NEAR
-        shown += int(here.sum())
-        through += int((before > GAP).sum())
-        if here.sum() >= 5:
-            difference = image[rows[here], columns[here]] - looks[facing][inside][here]
-            difference[:, 2] -= np.median(difference[:, 2])  # each camera's exposure may be another
-            differences.append(np.linalg.norm(difference, axis=1))
-    colour = float(np.minimum(np.concatenate(differences), 60.0).mean()) if differences else 100.0
-    sunk = float((placed[:, 2] < seen.table - NEAR).mean())  # nothing reaches into the table
-    return Fit(
-        scan,
-        pose,
-        gap=float(np.minimum(off, TRUNCATED).mean()),
-        residual=float(np.median(off)),
-        explained=float((off < 0.006).mean()),
-        through=through / max(1, through + shown) + sunk,
-        colour=colour,
-    )
-
-
-def turned(fit: Fit, seen: SeenPoints) -> Fit:
-    """The fit at the turn about the vertical at which the colours agree best, where the shape allows others.
-
-    The surface of a can or a bottle does not tell how it is turned; its label does.
-    """
-    middle = fit.world_from_scan[:3, 3]
-    around = rigid(None, middle) @ np.stack([rigid(turn) for turn in TURNS[1:]]) @ rigid(None, -middle)
-    found = [fit]
-    for motion in around:
-        pose = motion @ fit.world_from_scan
-        points = transform_points(invert_rigid(pose), seen.points[:: max(1, len(seen.points) // FINE)])
-        if _truncated(fit.scan.nearest, points).mean() < fit.gap + AS_WELL:
-            found.append(judged(fit.scan, seen, pose))
-    return max(found, key=ODDS.of)
-
-
-Sights = tuple[list[Camera], list[FloatArray], list[FloatArray]]
-"""The cameras with depth, what each measured (H, W), NaN where the robot is, and its looks (H, W, 3)."""
-
-
-def sights_of(views: Iterable[View]) -> Sights:
-    """The cameras, depths and looks of some views."""
-    cameras, depths, images = [], [], []
-    for view in views:
-        if view.depth is None:
-            continue
-        depth = np.asarray(view.depth, dtype=np.float64)
-        hidden = ~np.isfinite(depth) | (depth <= 0)
-        if view.robot_mask is not None:
-            hidden |= view.robot_mask
-        cameras.append(view.camera)
-        depths.append(np.where(hidden, np.nan, depth))
-        images.append(appearance(view.image / 255.0))
-    return cameras, depths, images
-
-
-def seen_surface(
-    points: FloatArray, cameras: Sequence[Camera], depths: Sequence[FloatArray], images: Sequence[FloatArray],
-    table: float,
-) -> SeenPoints:  # fmt: skip
-    """The seen surface of one object; ``images`` (H, W, 3) are looks already. Looks of points come from the views."""
-    points = without_strays(points)
-    looks = np.full(points.shape, np.nan)
-    for camera, depth, image in zip(cameras, depths, images, strict=True):
-        uv, z = camera.project(points)
-        index = np.flatnonzero(camera.inside(uv))
-        columns, rows = np.floor(uv[index]).astype(int).T
-        own = np.abs(depth[rows, columns] - z[index]) < NEAR
-        looks[index[own]] = image[rows[own], columns[own]]
-    return SeenPoints(
-        points, looks, NearestPoints(points, TRUNCATED), tuple(cameras), tuple(depths), tuple(images), table
-    )
-
-
-def without_strays(points: FloatArray, reach: float = 0.007, least: int = 4) -> FloatArray:
-    """The points (N, 3) that have ``least`` others within ``reach`` metres: flying pixels hang alone in the air."""
-    if len(points) <= least:
-        return points
-    gaps = np.asarray(cKDTree(points).query(points, k=least + 1, distance_upper_bound=reach)[0])
-    kept = np.isfinite(gaps[:, -1])
-    return points[kept] if kept.sum() > 0.5 * len(points) else points
-
-
-@dataclass(frozen=True)
-class Odds:
-    """From a fit's measures to the log-odds that the scan is the object: one weight per measure and a constant."""
-
-    constant: float
-    gap: float
-    missed: float
-    through: float
-    colour: float
-
-    def of(self, fit: Fit) -> float:
-        """Positive if it is more likely than not."""
-        return (
-            self.constant
-            - self.gap * 1e3 * fit.gap
-            - self.missed * (1.0 - fit.explained)
-            - self.through * fit.through
-            - self.colour * 0.1 * fit.colour
-        )
-
-
-ODDS = Odds(constant=13.5, gap=1.85, missed=4.6, through=16.0, colour=2.1)
-"""By logistic regression on the right and the wrong fits of fifteen scans in 90 scenes, half of them seen by cameras
-that err; a wrong fit weighs three times a right one.
-"""
+def on_scan(fit: Fit, points: FloatArray) -> NDArray[np.bool_]:
+    """(N,) which of the world points (N, 3) lie on a placed scan."""
+    reach = AROUND if fit.scan.diameter > LARGE else NEAR
+    return fit.scan.nearest.query(transform_points(invert_rigid(fit.world_from_scan), points))[0] < reach
 
 
 class Gallery:
@@ -311,22 +114,66 @@ class Gallery:
         """
         if len(points) < LEAST:
             return None
-        fits = self.fits(seen_surface(points, *sights, table))
+        seen = seen_surface(points, *sights, table)
+        floats = float(np.percentile(points[:, 2], 2.0)) > table + FLOATS
+        fits = self.fits([seen])
         naming = self._named(fits)
+        stacked = floats or not naming.label or naming.sureness < SURE_ENOUGH
+        if stacked:
+            fits = self.fits(_slabs(seen, sights), 0.5 * LAYER)
+            naming = self._named(fits)
         if not naming.label or naming.sureness < SURE_ENOUGH:
             return None
-        fit = fits[0]
+        return replace(self._recognised(fits[0], naming, points, rgb, table), stacked=stacked)
+
+    def _recognised(
+        self, fit: Fit, naming: Naming, points: FloatArray, rgb: FloatArray, table: float
+    ) -> Recognised:
+        """The object of a fit, whose seen points (N, 3) have colours (N, 3)."""
         whole = transform_points(fit.world_from_scan, fit.scan.points)
-        obj = object_of(whole, rgb, table, 1.0)
+        still = fit.scan.owners < 0
+        foot = max(table, float(whole[:, 2].min()))  # on the table, or on something else
+        obj = object_of(whole[still] if fit.scan.links else whole, rgb, foot, 1.0)
         obj = replace(
             obj, label=naming.label, named_by=self.source, sureness=round(naming.sureness, 3), known=naming.known,
-            points=points, opening=opening_of(whole),
+            points=points, opening=0.0 if fit.scan.links else opening_of(whole),
         )  # fmt: skip
-        return Recognised(obj, fit)
+        if not fit.scan.links:
+            return Recognised(obj, fit)
+        parts = moving_parts(fit.scan, fit.world_from_scan)
+        obj, *moving = with_parts(replace(obj, known=None), whole[still], parts)
+        return Recognised(obj, fit, tuple(moving))
+
+    def fixtures(self, points: FloatArray, rgb: FloatArray, sights: Sights, table: float) -> list[Recognised]:
+        """Large known objects of which points (N, 3), world metres, with colours (N, 3) may show only a part.
+
+        Each stands upright on the table, wherever its surface fits what is seen; see :func:`find_large`.
+        """
+        found: list[Recognised] = []
+        there = histogram(appearance(rgb[:: max(1, len(rgb) // 5000)])) > RARE
+        large = [
+            scan
+            for scan, colours in zip(self._scans, self._histograms, strict=True)
+            if (scan.links or scan.diameter > LARGE) and colours[there].sum() > LEAST_THERE
+        ]
+        grid = seen_grid(points, sights, table) if large else None
+        if grid is None:
+            return found
+        fits = [fit for scan in large if (fit := find_large(scan, grid, sights, table)) is not None]
+        free = np.ones(len(points), dtype=bool)
+        for fit in sorted(fits, key=_likelihood, reverse=True):
+            odds = ODDS.of(fit)
+            own = on_scan(fit, points)
+            if odds <= 0.0 or own.sum() < LEAST_SHOWN or (own & free).sum() < MOSTLY * own.sum():
+                continue
+            naming = Naming(fit.scan.name, float(1.0 / (1.0 + np.exp(-odds))), known_shape(fit))
+            found.append(self._recognised(fit, naming, points[own], rgb[own], table))
+            free &= ~own
+        return found
 
     def name(self, seen: SeenPoints) -> Naming:
         """The name of a seen surface: a scan that is likelier than all others and "unknown" together."""
-        return self._named(self.fits(seen))
+        return self._named(self.fits([seen]))
 
     def _named(self, fits: Sequence[Fit]) -> Naming:
         if not fits:
@@ -339,44 +186,70 @@ class Gallery:
             return Naming("", 1.0 / (1.0 + first), why=why)
         return Naming(best.scan.name, float(sure), known_shape(best))
 
-    def fits(self, seen: SeenPoints) -> list[Fit]:
-        """The candidate scans, each at its best pose, likeliest first."""
+    def fits(self, looks: Sequence[SeenPoints], taller: float = TALLER) -> list[Fit]:
+        """The scans whose height differs by at most ``taller`` metres, each at its best pose, likeliest first.
+
+        Several ``looks`` are parts of one body, among which each scan is laid onto that which it fits best.
+        """
+        starts = sorted(
+            (one for seen in looks for one in self._starts(seen, taller)), key=lambda each: each[0]
+        )
+
+        def best(scan: KnownScan, seen: SeenPoints, poses: list[FloatArray]) -> Fit:
+            return max((judged(scan, seen, refined(scan, seen, pose)) for pose in poses), key=_likelihood)
+
+        few = REFINED if len(looks) == 1 else 2 * REFINED
+        fits = [(best(scan, seen, poses[:1]), seen, poses[1:]) for _, scan, seen, poses in starts[:few]]
+        fits.sort(key=lambda each: _likelihood(each[0]), reverse=True)
+        found: dict[str, Fit] = {}
+        for number, (fit, seen, more) in enumerate(fits):
+            if fit.scan.name in found:
+                continue
+            if number < THOROUGH:
+                fit = turned(fit if not more else max(fit, best(fit.scan, seen, more), key=_likelihood), seen)
+            found[fit.scan.name] = fit
+        return sorted(found.values(), key=_likelihood, reverse=True)
+
+    def _starts(
+        self, seen: SeenPoints, taller: float
+    ) -> list[tuple[float, KnownScan, SeenPoints, list[FloatArray]]]:
+        """Each scan of about the seen size and colours with its best starts, and how far the best of them is off."""
         known = np.isfinite(seen.looks).all(axis=1)
         own = histogram(seen.looks[known]) if known.any() else None
         size = diameter(corners_of(seen.points))
-        starts: list[tuple[float, KnownScan, list[FloatArray]]] = []
+        starts = []
         for scan, colours in zip(self._scans, self._histograms, strict=True):
+            if scan.links:  # they are found as a whole, with their parts: see `fixtures`
+                continue
             if not 0.6 * scan.diameter - 0.01 < size < 1.05 * scan.diameter + 0.01:
                 continue
             if own is not None and np.minimum(own, colours).sum() < LEAST_SHARED:
                 continue
-            if found := coarse_starts(scan, seen):
-                starts.append((found[0], scan, found[1]))
-        starts = sorted(starts, key=lambda each: each[0])[:REFINED]
+            if found := coarse_starts(scan, seen, taller):
+                starts.append((found[0], scan, seen, found[1]))
+        return starts
 
-        def best(scan: KnownScan, poses: list[FloatArray]) -> Fit:
-            return max((judged(scan, seen, refined(scan, seen, pose)) for pose in poses), key=ODDS.of)
 
-        fits = [(best(scan, poses[:1]), poses[1:]) for _, scan, poses in starts]
-        fits.sort(key=lambda each: ODDS.of(each[0]), reverse=True)
-        likeliest = [
-            turned(fit if not more else max(fit, best(fit.scan, more), key=ODDS.of), seen)
-            for fit, more in fits[:THOROUGH]
-        ]
-        return sorted([*likeliest, *(fit for fit, _ in fits[THOROUGH:])], key=ODDS.of, reverse=True)
+def _slabs(seen: SeenPoints, sights: Sights) -> list[SeenPoints]:
+    """What is uppermost of a body, down to different depths: something stands on something else there."""
+    low, top = (float(v) for v in np.percentile(seen.points[:, 2], [2.0, 99.0]))
+    least, most = LAYER, top - seen.table - 0.5 * LAYER
+    if low > seen.table + FLOATS:  # its foot is seen, or hidden not far below
+        least, most = 0.5 * (top - low), min(most, 1.5 * (top - low) + LAYER)
+    found = []
+    for height in np.arange(least, most, LAYER):
+        slab = seen.points[seen.points[:, 2] > top - height]
+        if len(slab) >= LEAST:
+            found.append(seen_surface(slab, *sights, top - height))
+    return found
+
+
+def _likelihood(fit: Fit) -> float:
+    """Log-odds of a fit among others that may have been laid onto more or fewer of the same points."""
+    return ODDS.of(fit) + MORE * float(np.log(max(fit.support, 1.0)))
 
 
 def known_shape(fit: Fit) -> KnownShape:
     """The scan at its pose, in its file's frame and units."""
     pose = fit.world_from_scan @ rigid(None, -fit.scan.middle)
     return KnownShape(fit.scan.name, fit.scan.path, pose, fit.scan.scale, round(fit.residual, 5))
-
-
-def histogram(looks: FloatArray) -> FloatArray:
-    """Shares of looks (N, 3) in bins of hue and lightness, smoothed over neighbours: light and noise move them."""
-    edges = [np.linspace(-75.0, 75.0, BINS + 1), np.linspace(-75.0, 75.0, BINS + 1), np.linspace(0, 50, 4)]
-    inside = np.clip(looks, [-74.9, -74.9, 0.1], [74.9, 74.9, 49.9])
-    counts = np.histogramdd(inside, edges)[0]
-    for axis in range(3):
-        counts = correlate1d(counts, [0.5, 1.0, 0.5], axis, mode="constant")
-    return np.asarray(counts.ravel() / max(counts.sum(), 1e-9))

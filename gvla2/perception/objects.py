@@ -131,6 +131,7 @@ def _ordered(objects: Sequence[SceneObject]) -> list[SceneObject]:
 
 
 def over_workspace(objects: Sequence[SceneObject], workspace: Box) -> list[SceneObject]:
-    """The objects whose middle lies over the workspace."""
+    """The objects whose middle lies over the workspace, with their parts."""
     low, high = workspace.low[:2], workspace.high[:2]
-    return [o for o in objects if ((o.centre[:2] >= low) & (o.centre[:2] <= high)).all()]
+    inside = {o.id for o in objects if ((o.centre[:2] >= low) & (o.centre[:2] <= high)).all()}
+    return [o for o in objects if o.id in inside or (o.joint is not None and o.parent in inside)]

@@ -6,36 +6,50 @@ import hashlib
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
 from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.articulated_files import read_articulated
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.array_cache import cache_folder, cached_arrays
+from gvla2.perception.articulated import joint_of
 from gvla2.perception.nearest import NearestPoints
 from gvla2.planning.colours import appearance
+from gvla2.planning.scene import Joint
 
 SUFFIXES = (".obj", ".glb", ".ply")
-POINTS = 3000
-"""Samples of a scan's surface."""
+POINTS, MOST_SAMPLES, SPACING = 3000, 12_000, 0.006
+"""Least and most samples of a scan's surface; between them, one for each square of this side, metres."""
 LARGEST = 3.0
 """A scan with a longest side above this is in millimetres: nothing on a table is 3 m long."""
 MOST_RESTS, LIKELY = 14, 0.99
 """Most resting poses tried, and the share of the total probability that they cover."""
 TRUNCATED = 0.02
 """Metres at which a point's distance from a scan is truncated."""
-VERSION = 3
+VERSION = 6
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
 """Stems that do not name an object: its folder does. Of several in a folder the first one here counts."""
+_MODELS = ("mobility", "robot", "urdf")
+"""Stems of URDFs that do not name an object either."""
 _FOR_PHYSICS = ("collision", "convex", "coacd", "decomp")
 """Words in the names of files made for physics engines, which are left out."""
+
+
+@dataclass(frozen=True)
+class KnownLink:
+    """A moving part of a scan: its ``name``, and its joint in the scan's frame."""
+
+    name: str
+    joint: Joint
 
 
 @dataclass(frozen=True)
@@ -45,7 +59,9 @@ class KnownScan:
     ``points`` (M, 3) metres about the middle of its box, ``normals`` (M, 3) outward, ``rgb`` (M, 3) in [0, 1];
     ``rests`` (K, 3, 3) turn it into resting poses on a table, likeliest first; ``middle`` (3,) is the box's middle in
     the file's frame, metres; ``scale`` takes the file's units to metres; ``looks`` (M, 3) of the points; ``corners``
-    (H, 3) of the convex hull; ``diameter`` is the longest distance within it, metres.
+    (H, 3) of the convex hull; ``diameter`` is the longest distance within it, metres. ``links`` move on joints, in the
+    same frame as the points; ``owners`` (M,) are the points' indices of these, -1 for what does not move. ``outer``
+    (M,) are the points that can be seen from outside when all is closed.
     """
 
     name: str
@@ -59,6 +75,20 @@ class KnownScan:
     looks: FloatArray
     corners: FloatArray
     diameter: float
+    links: tuple[KnownLink, ...] = ()
+    owners: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    outer: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+
+    @cached_property
+    def skin(self) -> KnownScan:
+        """The scan without what lies inside."""
+        if self.outer.all():
+            return self
+        of = self.outer
+        return replace(
+            self, points=self.points[of], normals=self.normals[of], rgb=self.rgb[of], looks=self.looks[of],
+            owners=self.owners[of], outer=of[of],
+        )  # fmt: skip
 
     @cached_property
     def nearest(self) -> NearestPoints:
@@ -79,24 +109,30 @@ def diameter(corners: FloatArray) -> float:
     return float(pdist(corners).max()) if len(corners) > 1 else 0.0
 
 
-def scan_files(folder: str | os.PathLike[str]) -> dict[str, Path]:
+def scan_files(folder: str | os.PathLike[str], *, joints: bool = False) -> dict[str, Path]:
     """Each scan's file by the object's name: a file's stem, or its folder's name where there is one file a folder.
+
+    With ``joints``, a URDF is an object too; the meshes that it refers to are never objects of their own.
 
     Raises :class:`ConfigurationError` for a folder that is missing or holds no mesh, and for duplicate names.
     """
     root = Path(folder).expanduser()
     if not root.is_dir():
         raise ConfigurationError(f"{root}: there is no such folder of scans.")
+    models = [p for p in root.rglob("*") if p.suffix.lower() == ".urdf" and p.is_file()]
+    within = {mesh for model in models for mesh in read_articulated(model).files}
     files = [p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file()]
-    files = sorted(p for p in files if not any(word in p.stem.lower() for word in _FOR_PHYSICS))
+    files = [p for p in files if not any(word in p.stem.lower() for word in _FOR_PHYSICS)]
+    files = sorted([*(models if joints else ()), *(p for p in files if p.absolute() not in within)])
     if not files:
         raise ConfigurationError(
             f"The folder {root} holds no mesh. Put scans there as NAME.glb or NAME/textured.obj "
-            f"({', '.join(SUFFIXES)})."
+            f"({', '.join(SUFFIXES)}){', what has joints as NAME.urdf with its meshes' if joints else ''}."
         )
     found: dict[str, Path] = {}
     for file in sorted(files, key=_rank):
-        own = file.stem if _rank(file) < 0 else _folder_name(file, root)
+        named = file.stem if _rank(file) < 0 and file.stem.lower() not in _MODELS else ""
+        own = named or _folder_name(file, root)
         name = " ".join(re.split(r"[\W_]+", own)).strip().lower()
         if not name:
             raise ConfigurationError(f"{file} does not name an object; name the file after it.")
@@ -128,36 +164,73 @@ def read_scans(folder: str | os.PathLike[str]) -> list[KnownScan]:
 
     Raises :class:`ConfigurationError` as :func:`scan_files`, and :class:`GeometryError` for a broken mesh.
     """
-    return [read_scan(name, path) for name, path in scan_files(folder).items()]
+    return [read_scan(name, path) for name, path in scan_files(folder, joints=True).items()]
 
 
 def read_scan(name: str, path: Path) -> KnownScan:
     """One scan, prepared or from the cache."""
     arrays = cached_arrays(cache_folder() / "scans", _content(path), partial(_prepared, path))
     points, corners = arrays["points"], corners_of(arrays["points"])
+    links: tuple[KnownLink, ...] = ()
+    if path.suffix.lower() == ".urdf":
+        links = tuple(
+            KnownLink(
+                " ".join(re.split(r"[\W_]+", link.name)).strip().lower(),
+                joint_of(link.slides, link.axis, link.origin - arrays["middle"], 0.0, link.low, link.high),
+            )
+            for link in read_articulated(path).links
+        )
     return KnownScan(
         name, str(path), points, arrays["normals"], arrays["rgb"], arrays["rests"], arrays["middle"],
-        float(arrays["scale"]), appearance(arrays["rgb"]), corners, diameter(corners),
+        float(arrays["scale"]), appearance(arrays["rgb"]), corners, diameter(corners), links, arrays["owners"],
+        arrays["outer"],
     )  # fmt: skip
 
 
 def _prepared(path: Path) -> dict[str, FloatArray]:
-    textured = read_textured_mesh(path)
-    points, normals, rgb = textured.surface(POINTS, np.random.default_rng(0))
-    mesh = textured.mesh
-    if mesh.volume < 0 and trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight:
-        normals = -normals  # faces wound inside out
-    low, high = points.min(axis=0), points.max(axis=0)
+    articulated = path.suffix.lower() == ".urdf"
+    meshes = read_articulated(path).meshes() if articulated else [(-1, read_textured_mesh(path))]
+    vertices = np.concatenate([textured.mesh.vertices for _, textured in meshes])
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
     longest = float((high - low).max())
     if not longest > 0:
         raise GeometryError(f"{path}: a scan whose points all coincide cannot be recognised.")
-    scale = 0.001 if longest > LARGEST else 1.0
-    middle = 0.5 * (low + high) * scale
+    scale = 0.001 if longest > LARGEST and not articulated else 1.0
+    areas = np.array([textured.mesh.areas.sum() for _, textured in meshes])
+    count = int(np.clip(areas.sum() * (scale / SPACING) ** 2, POINTS, MOST_SAMPLES))
+    sampled = []
+    rng = np.random.default_rng(0)
+    for (owner, textured), share in zip(meshes, areas / areas.sum(), strict=True):
+        points, normals, rgb = textured.surface(max(1, round(share * count)), rng)
+        mesh = textured.mesh
+        if mesh.volume < 0 and trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight:
+            normals = -normals  # faces wound inside out
+        sampled.append((points, normals, rgb, np.full(len(points), owner)))
+    points, normals, rgb, owners = (np.concatenate(each) for each in zip(*sampled, strict=True))
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * scale
     points = points * scale - middle
     return {
         "points": points, "normals": normals, "rgb": rgb, "middle": middle, "scale": np.array(scale),
-        "rests": resting_turns(points),
+        "rests": np.eye(3)[None] if articulated else resting_turns(points), "owners": owners,
+        "outer": outer_points(points, normals) if articulated else np.ones(len(points), dtype=bool),
     }  # fmt: skip
+
+
+def outer_points(points: FloatArray, normals: FloatArray) -> NDArray[np.bool_]:
+    """(M,) which samples of a surface can be seen from outside, from any of 26 directions around."""
+    spacing = float(np.sqrt(np.ptp(points, axis=0).max() ** 2 * 6.0 / len(points)))
+    outer = np.zeros(len(points), dtype=bool)
+    for way in np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3):
+        if not way.any():
+            continue
+        way = way / np.linalg.norm(way)
+        across = np.linalg.svd(way[None])[2][1:]
+        depth, cells = points @ way, np.floor(points @ across.T / spacing).astype(int)
+        index = np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1)
+        front = np.full(index.max() + 1, -np.inf)
+        np.maximum.at(front, index, depth)
+        outer |= (depth > front[index] - spacing) & (normals @ way > 0.25)
+    return outer
 
 
 def resting_turns(points: FloatArray) -> FloatArray:
@@ -185,9 +258,12 @@ def resting_turns(points: FloatArray) -> FloatArray:
 
 def _content(path: Path) -> str:
     """The digest of a file's contents; textures beside a mesh count as its contents."""
-    digest = hashlib.sha256(f"{VERSION} {POINTS} {path.suffix}".encode())
-    beside = sorted(p for p in path.parent.iterdir() if p.suffix.lower() in (".mtl", ".png", ".jpg", ".jpeg"))
-    for file in (path, *(beside if path.suffix.lower() == ".obj" else ())):
+    digest = hashlib.sha256(f"{VERSION} {path.suffix}".encode())
+    meshes = sorted(read_articulated(path).files) if path.suffix.lower() == ".urdf" else [path]
+    folders = {mesh.parent for mesh in meshes if mesh.suffix.lower() == ".obj"}
+    looks = (".mtl", ".png", ".jpg", ".jpeg")
+    beside = sorted(p for folder in folders for p in folder.iterdir() if p.suffix.lower() in looks)
+    for file in dict.fromkeys((path, *meshes, *beside)):
         try:
             digest.update(file.read_bytes())
         except OSError as error:

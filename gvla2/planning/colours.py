@@ -133,6 +133,11 @@ def between(word: str, rgb: ArrayLike) -> bool:
     return word in COLOURS and off >= BETWEEN and float(naming_distance(COLOURS[word], rgb)) < LEEWAY * off
 
 
+def may_look(word: str, rgb: ArrayLike) -> bool:
+    """Whether a surface that was seen in a colour (3,) may be called ``word`` in some light."""
+    return word not in COLOURS or float(colour_distance(COLOURS[word], rgb)) < DISTINCT
+
+
 def meant_by(word: str, present: Iterable[str]) -> str:
     """The one colour of ``present`` (words of :data:`COLOURS`) that people mean by ``word``; "" for none or several.
 

@@ -36,10 +36,6 @@ _NOTHING = Component(NONE, ComponentConfig, lambda config: None)
 """The empty choice of a kind or a slot."""
 
 
-_offered: tuple[Registry, dict[str, type], tuple[str, ...] | None] | None = None
-"""The last arguments of :func:`register`."""
-
-
 class PresetSearchPath(SearchPathPlugin):
     """Adds the search paths that plugins announced; Hydra makes instances itself, hence the class attribute."""
 
@@ -85,9 +81,7 @@ class ComponentSource(ConfigSource):
             raise ConfigLoadError(f"No component {config_path}")
         node = copy.deepcopy(structured(component))  # Hydra changes it
         for name in map(str, node):
-            if (
-                OmegaConf.get_type(node, name) is dict
-            ):  # its keys are the user's: robot.hand={max_width: 0.08}
+            if OmegaConf.get_type(node, name) is dict:  # the user's keys: robot.hand={max_width: 0.08}
                 OmegaConf.set_struct(node[name], False)
         return ConfigResult(PROVIDER, f"{PROVIDER}://", node, {"package": None})
 
@@ -103,10 +97,9 @@ class ComponentSource(ConfigSource):
     def _component(self, config_path: str) -> Component[Any] | None:
         if self.path == _ROBOT_TASKS:  # whether the robot offers it turns out when that is built
             group, _, name = config_path.strip("/").partition("/")
-            own = group == "task" and OWN_TASK in name
-            return (
-                Component(name.removesuffix(".yaml"), ComponentConfig, lambda config: None) if own else None
-            )
+            if group != "task" or OWN_TASK not in name:
+                return None
+            return Component(name.removesuffix(".yaml"), ComponentConfig, lambda config: None)
         group, _, name = config_path.strip("/").rpartition("/")
         return self._there().get(group, {}).get(name.removesuffix(".yaml"))
 
@@ -128,14 +121,9 @@ def register(
 
     ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind` has
     its default choices under ``<name>_choices``; one named ``group/name`` is stored in that group, for the whole
-    configuration. Calling it again with another registry replaces what the former call offered; with what it was called
-    with last it does nothing. ``groups`` are those that the command knows, by default all.
+    configuration. What an earlier call offered is replaced. ``groups`` are those that the command knows, all by
+    default.
     """
-    global _offered
-    offer = (registry, dict(schemas or {}), None if groups is None else tuple(groups))
-    if offer == _offered:
-        return
-    _offered, groups = None, offer[2]
     store = ConfigStore.instance()
     _forget(store.repo)
     ComponentSource.offered = _choosable(registry, groups)
@@ -153,7 +141,6 @@ def register(
     Plugins.instance().register(PresetSearchPath)
     Plugins.instance().register(ComponentSource)
     register_resolvers()
-    _offered = offer
 
 
 def _choosable(

@@ -96,7 +96,7 @@ SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
 """Hydra groups that choose a second component of a kind, or ``none``: the slot and its kind."""
 
 OWN_TASK = "/"
-"""In the name of a task that a robot offers itself, ``suite/task``; names of components have none."""
+"""Separator in the name of a task that a robot offers itself, ``suite/task``; names of components have none."""
 
 TAKEN = frozenset(
     {

@@ -78,8 +78,9 @@ class _Caller:
         try:
             self._manager.register(module, name=unique)
         except Exception as error:  # pluggy's, for a hook with arguments, or a lazy attribute's
-            self._report(plugin, "", f"has a hook that cannot be called: {describe(error)}")
-            self._manager.unregister(name=unique)
+            self._report(plugin, "", f"could not be registered: {describe(error)}")
+            if self._manager.has_plugin(unique):
+                self._manager.unregister(name=unique)
             return
         if not self._manager.get_hookcallers(module):
             what = module.__name__ if isinstance(module, ModuleType) else f"a {type(module).__name__}"

@@ -28,7 +28,7 @@ class Offer:
     plugin: Plugin
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Registry:
     """All components by kind and name, and skills by name, made by :func:`load_plugins`; there is no global one.
 

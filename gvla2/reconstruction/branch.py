@@ -20,7 +20,7 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.appearance import calibrate_colours, vertex_colours
-from gvla2.reconstruction.carving import normals_of, surface_of, without_crumbs
+from gvla2.reconstruction.carving import normals_of, surface_of, without_specks
 from gvla2.reconstruction.contracts import (
     AxisCompensation,
     FusionStrategy,
@@ -40,16 +40,16 @@ from gvla2.reconstruction.view_set import (
     ViewSet,
     both_moved,
     dense_points,
-    judged,
+    gate_report,
     mismatch,
     outlined,
     points_of,
 )
 from gvla2.reconstruction.volume import Posterior, fuse_volume
 
-MUCH = 0.06
-"""A loss of agreement with the masks, against G0, that undoes everything: a safety net. A carved hull fits its masks
-to the pixel, and a truer shape than it may well fit them less: a bowl's thin wall by .044."""
+MAX_MASK_LOSS = 0.06
+"""Loss of agreement with the masks, against G0, that undoes everything: a safety net. A carved hull fits its masks to
+the pixel, and a truer shape may fit them less: a bowl's thin wall by .044."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def refine_geometry(
             out = branch.run(inset, out, views, parts.renderer)
             last = branch.stages[-1]
             painted = (last.after if last.status == "applied" else last.before).get("alpha_iou")
-        out = branch.run(branch.unless_refuted, out, g0, painted)
+        out = branch.run(branch.fall_back_to_g0, out, g0, painted)
     return BranchResult(g0, a, b, out, tuple(branch.stages))
 
 
@@ -124,7 +124,7 @@ class _Branch:
         self.stages: list[StageReport] = []
 
     def run(self, stage: Callable[P, Outcome], *args: P.args, **options: P.kwargs) -> Reconstruction:
-        """What a stage makes of its arguments; its report, where it has any, is noted with its seconds."""
+        """Run a stage and return its reconstruction; its report, if any, is kept with its seconds."""
         began = time.perf_counter()
         obj, report = stage(*args, **options)
         if report is not None:
@@ -181,8 +181,8 @@ class _Branch:
             )
         return fused
 
-    def unless_refuted(self, out: Reconstruction, g0: Reconstruction, painted: float | None) -> Outcome:
-        """The last word of the input views: what explains the masks much worse than G0 did is not kept at all.
+    def fall_back_to_g0(self, out: Reconstruction, g0: Reconstruction, painted: float | None) -> Outcome:
+        """Return to G0 where the result explains the masks much worse than G0 did.
 
         Gaussians are judged by what they paint (``painted`` if that is known), a mesh without any by its silhouettes.
         """
@@ -191,12 +191,12 @@ class _Branch:
         if out.gaussians is not None and g0.gaussians is not None:
             judges = largest(self._views)
             now = alpha_iou(out.gaussians, judges, self._parts.renderer) if painted is None else painted
-            if now >= 1 - MUCH:  # no G0 can be better by that
+            if now >= 1 - MAX_MASK_LOSS:  # no G0 can be better by that
                 return out, None
             was = alpha_iou(g0.gaussians, judges, self._parts.renderer)
         else:
             now, was = self._iou(out), self._iou(g0)
-        if not now < was - MUCH:
+        if not now < was - MAX_MASK_LOSS:
             return out, None
         reason = (
             f"The masks speak against the refinement: IoU {now:.4f}, {was:.4f} as it was. G0 is the output."
@@ -204,11 +204,11 @@ class _Branch:
         return g0, StageReport("output", "fallback", reason, {"mask_iou": now}, {"mask_iou": was})
 
     def _gated(self, stage: str, obj: Reconstruction, moved: Reconstruction) -> Outcome:
-        """``moved`` where the views do not speak against it; always in paper mode, which has no gate."""
+        """``moved`` if it passes the gate; always in paper mode, which has none."""
         (before, faces), (after, _) = outlined(obj), outlined(moved)
         if np.array_equal(before, after):
-            return obj, StageReport(stage, "skipped", "Nothing was to be moved.")
-        report = judged(stage, before, after, self._views, faces=faces)
+            return obj, StageReport(stage, "skipped", "There was nothing to move.")
+        report = gate_report(stage, before, after, self._views, faces=faces)
         if self._options.mode == "paper":
             report = replace(report, status="applied")
         return (moved if report.status == "applied" else obj), report
@@ -220,20 +220,20 @@ class _Branch:
 
 NO_PRIOR = "There is no geometry prior."
 """The reason where none was chosen, or the chosen one has no depth for any view."""
-THIN = 0.75
-"""Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
-MENDED = 0.5
-"""Share of these points that may be left by a correction that heeds them."""
+THIN_WALLS = 0.75
+"""Points that masks need, per pixel of their outlines, above which the object has walls thinner than a voxel."""
+MAX_STILL_NEEDED = 0.5
+"""Share of these points that a second correction may leave."""
 
 
-def agreed(
+def fuse_evidence(
     estimate: GeometryEstimate, seen: ViewSet, g0: TriangleMesh | None
 ) -> tuple[DepthEvidence, Posterior]:
-    """What a prior's depth and the views agree on.
+    """Correct the prior's depth by the views, and fuse both in one volume.
 
-    Depth that is wrong where no other depth looks still cuts away what other views' masks show. Those points go back
-    into the correction of depth, as what it must not look through; what comes of that is kept where it leaves few of
-    them. Depth that errs cuts along the outlines; walls thinner than a voxel are cut everywhere, however right it is.
+    Depth that is wrong in one view may cut away points that other views' masks need. A second correction must not place
+    depth behind those points; its result is kept where it leaves few of them. Walls thinner than a voxel are cut
+    everywhere, however right the depth is: there the first result stays.
     """
 
     def fused(needed: FloatArray | None) -> tuple[DepthEvidence, Posterior]:
@@ -243,10 +243,10 @@ def agreed(
     first = fused(None)
     needed = first[1].needed
     rim = sum(int(((s.distance > 0) & (s.distance <= 1)).sum()) for s in seen.silhouettes)
-    if not 0 < len(needed) < THIN * rim:
+    if not 0 < len(needed) < THIN_WALLS * rim:
         return first
     second = fused(needed)
-    return second if len(second[1].needed) < MENDED * len(needed) else first
+    return second if len(second[1].needed) < MAX_STILL_NEEDED * len(needed) else first
 
 
 def fuse_prior(
@@ -262,13 +262,13 @@ def fuse_prior(
     if estimate is None:
         return obj, StageReport("prior", "skipped", NO_PRIOR)
     try:
-        evidence, posterior = agreed(estimate, seen, obj.mesh)
+        evidence, posterior = fuse_evidence(estimate, seen, obj.mesh)
         if not (posterior.field.values > 0).any():
             raise GeometryError("The prior leaves nothing of the object.")
     except GeometryError as error:
         return obj, StageReport("prior", "rejected", f"{error} G0 stays.")
     # Depth maps that err leave specks between them.
-    field = without_crumbs(posterior.field, seen.silhouettes)
+    field = without_specks(posterior.field, seen.silhouettes)
     mesh, step = surface_of(field), 2 * field.step
     normals = normals_of(field, mesh.vertices)
     depths = depth_maps(mesh, [s.camera for s in seen.silhouettes])

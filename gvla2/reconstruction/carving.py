@@ -301,7 +301,7 @@ def carve(views: Views, resolution: int = 96) -> Carving:
     if resolution < 8:
         raise GeometryError(f"Carving needs a resolution of at least 8 voxels a side, got {resolution}.")
     used, dropped, notes, region = _evidence(views)
-    field = without_crumbs(_field(used, region, resolution), used)
+    field = without_specks(_field(used, region, resolution), used)
     mesh = surface_of(field)
     normals = normals_of(field, mesh.vertices)
     depths = depth_maps(mesh, [s.camera for s in used])
@@ -421,7 +421,7 @@ def _field(used: Sequence[Silhouette], region: Region, resolution: int) -> Field
     )
 
 
-def without_crumbs(field: Field, used: Sequence[Silhouette]) -> Field:
+def without_specks(field: Field, used: Sequence[Silhouette]) -> Field:
     """The field without small parts that no mask needs: where cones cross by chance, phantoms appear."""
     parts, count = label(field.values > 0, structure=np.ones((3, 3, 3)))
     if count <= 1:

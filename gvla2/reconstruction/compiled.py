@@ -36,14 +36,14 @@ def compiled(function: F) -> F:
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """Return the number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def run_together(jobs: Sequence[Callable[[], T]]) -> list[T]:
-    """What jobs return that release the interpreter's lock, run on as many threads as there are cores.
+    """Run jobs that release the interpreter's lock, one thread a core, and return their results.
 
     The first exception of a job is raised here after all have ended.
     """

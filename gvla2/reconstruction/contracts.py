@@ -1,4 +1,4 @@
-"""What the reconstruction branch's plugins implement: reconstructor, prior, axis, fusion, renderer."""
+"""Protocols of the reconstruction branch's components: reconstructor, prior, axis, fusion, renderer."""
 
 from __future__ import annotations
 

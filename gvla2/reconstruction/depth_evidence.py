@@ -238,7 +238,7 @@ def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatA
 
 @compiled
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """Of a positive definite matrix, by Gauss and Jordan.
+    """Invert a positive definite matrix by Gauss-Jordan elimination.
 
     Matrices this small gain nothing from numpy's threads, which wait for one another busily: with other work on the
     cores they take a hundred times as long.
@@ -310,7 +310,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
     jump = EDGE * float(np.linalg.norm(np.ptp(seen.hull_surface.vertices, axis=0)))
     rough = np.array([_first_scale(d, f) for d, f in zip(depth, front, strict=True)])
     usable = np.isfinite(rough)
-    caps = nearest_needed(np.zeros((0, 3)) if needed is None else needed, views)
+    caps = depth_caps(np.zeros((0, 3)) if needed is None else needed, views)
     if not usable.any():
         raise GeometryError("The prior's depth and the visual hull have no pixel in common.")
     depth = np.where(usable[:, None, None], depth * rough[:, None, None], np.nan)
@@ -321,7 +321,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         refuted = np.zeros(depth.shape, dtype=np.bool_)
     else:
         solid = solid_pixels(depth, jump)
-        aligned, refuted = doubted(align(depth, solid, seen, caps), solid, caps)
+        aligned, refuted = refute_by_caps(align(depth, solid, seen, caps), solid, caps)
     believed = _within_hull(aligned, front, back)
     normals = np.stack([surface_normals(d, r) for d, r in zip(believed, seen.rays, strict=True)])
     refuted |= looked_through(believed, aligned.std, seen)
@@ -342,7 +342,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
     )
 
 
-def nearest_needed(needed: FloatArray, views: Views) -> FloatArray:
+def depth_caps(needed: FloatArray, views: Views) -> FloatArray:
     """(S, H, W) depth of the nearest of the points (N, 3) on each pixel, NaN where there is none."""
     caps = []
     for view in views:
@@ -354,13 +354,13 @@ def nearest_needed(needed: FloatArray, views: Views) -> FloatArray:
     return np.stack(caps)
 
 
-def doubted(
+def refute_by_caps(
     aligned: Aligned, solid: NDArray[np.bool_], caps: FloatArray
 ) -> tuple[Aligned, NDArray[np.bool_]]:
-    """Depth with the doubt that masks cast on it, and the pixels (S, H, W) that they refute.
+    """Depth with the error that its caps reveal, and the pixels (S, H, W) that they refute.
 
-    How far a view's solid pixels still lie behind their ``caps`` is error that the views have not seen of one another:
-    it adds to the view's own. Pixels clearly behind a cap, and their neighbours, fly or belong to another surface.
+    How far a view's solid pixels lie behind their ``caps`` is error that the other views did not reveal: it adds to the
+    view's own. Pixels clearly behind a cap, and their neighbours, fly or belong to another surface.
     """
     with np.errstate(invalid="ignore"):
         behind = np.log(aligned.depth / caps)
@@ -435,7 +435,7 @@ def _checked(estimate: GeometryEstimate, views: Views) -> tuple[FloatArray, Floa
 
 
 def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
-    """From the prior's unit to metres, by its cameras; 1 where it has none, or one."""
+    """Metres per unit of the prior, by its cameras; 1 if it has at most one."""
     if estimate.world_from_camera is None:
         return 1.0
     calibrated = np.stack([view.camera.world_from_camera for view in views])

@@ -25,7 +25,7 @@ ALIKE = 0.8
 STEEP = 0.3
 """Cosine below which a surface is too steep for its plane to be trusted to the noise alone."""
 UNKNOWNS = LOW + KNOTS * KNOTS
-"""Of each view."""
+"""Unknowns of each view."""
 _FEWEST = 30
 
 

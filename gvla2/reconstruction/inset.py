@@ -110,7 +110,7 @@ def pixel_sizes(points: FloatArray, views: Views) -> FloatArray:
 
 
 def _best(score: Callable[[float], float]) -> tuple[float, float, float]:
-    """The shift in [-1, MOST] pixels with the best score by four looks: it, score(0) and its score.
+    """The shift in [-1, MOST] pixels with the best score after four evaluations, score(0), and the best score.
 
     A score falls off evenly on both sides of its summit, so a parabola through three of its values finds it.
     """
@@ -124,7 +124,7 @@ def _best(score: Callable[[float], float]) -> tuple[float, float, float]:
 
 
 def _summit(known: dict[float, float]) -> float:
-    """Where the parabola through three points has its top; the best point where it has none."""
+    """The maximum of the parabola through three points; the best point if it has none."""
     curve = np.polyfit(list(known), list(known.values()), 2)
     if not np.isfinite(curve).all() or curve[0] >= 0:
         return max(known, key=lambda t: known[t])

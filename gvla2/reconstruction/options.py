@@ -48,5 +48,5 @@ class BranchOptions:
         return {name: str(value).lower() for name, value in vars(self).items() if usual[name] != value}
 
     def label(self) -> str:
-        """What differs from the defaults, for a table; "default" if nothing does."""
+        """The options that differ from the defaults, for a table; "default" if none does."""
         return ", ".join(f"{name}={value}" for name, value in self.changed().items()) or "default"

@@ -42,7 +42,7 @@ REACH is ln(opacity / min_alpha): alpha is above min_alpha while half the square
 SPLAT_COLUMNS = 11
 
 ROTATION, TRANSLATION, INTRINSICS, EYE, SLOPES, LOW_PASS, NEAR, MIN_ALPHA = 0, 9, 12, 17, 20, 24, 25, 26
-"""Where values are in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
+"""Offsets in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
 the least and greatest slopes x/z, y/z at which the projection is linearised, and the renderer's options."""
 
 MOST_SPREAD = np.float32(1e3)
@@ -91,7 +91,7 @@ class Rasteriser:
 
 
 def _contiguous(of: Gaussians) -> list[Floats]:
-    """What the kernels read: centres, log-scales, rotations, logits, constant and higher harmonics (none: (0, 0))."""
+    """Contiguous centres, log-scales, rotations, logits, constant and higher harmonics; (0, 0) without the last."""
     rest = np.zeros((0, 0), np.float32) if of.sh_rest is None else of.sh_rest
     arrays = (of.centres, of.log_scales, of.rotations, of.opacity_logits, of.sh_dc, rest)
     return [np.ascontiguousarray(array) for array in arrays]

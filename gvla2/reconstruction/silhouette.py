@@ -310,7 +310,7 @@ def depth_map(mesh: TriangleMesh, camera: Camera, farthest: bool = False) -> NDA
 def depth_maps(
     mesh: TriangleMesh, cameras: Sequence[Camera], farthest: bool = False
 ) -> list[NDArray[np.float32]]:
-    """The same of several cameras."""
+    """Depth maps (:func:`depth_map`) for several cameras."""
     return run_together([partial(depth_map, mesh, camera, farthest) for camera in cameras])
 
 

@@ -37,11 +37,6 @@ class Sim3:
         object.__setattr__(self, "rotation", matrix[:3, :3])
         object.__setattr__(self, "translation", matrix[:3, 3])
 
-    @classmethod
-    def identity(cls) -> Sim3:
-        """Leaves everything where it is."""
-        return cls(1.0, np.eye(3), np.zeros(3))
-
     def apply(self, points: ArrayLike) -> FloatArray:
         """Points (..., 3) of the source in the target's frame."""
         return np.asarray(

@@ -137,18 +137,24 @@ def _throw(
     return points[:kept].copy(), face[:kept].copy(), weights[:kept].copy()
 
 
-def place(old: Gaussians, worn: TriangleMesh | None, mesh: TriangleMesh, normals: FloatArray) -> Gaussians:
+def place(
+    old: Gaussians, old_mesh: TriangleMesh | None, mesh: TriangleMesh, normals: FloatArray
+) -> Gaussians:
     """As many Gaussians as ``old``, within a few per cent, evenly spread over ``mesh``.
 
-    Each takes opacity, scales, rotation and harmonics of the nearest old one. ``worn`` is the mesh that the old ones
-    lie on, if any; ``normals`` (V, 3) are ``mesh``'s. Scales grow or shrink with the spacing, rotations turn with the
-    surface by the shortest way, colours seen from everywhere are the mesh's where it has any.
+    Each takes opacity, scales, rotation and harmonics of the nearest old one. ``old_mesh`` is where the old ones lie,
+    if known; ``normals`` (V, 3) are ``mesh``'s. Scales grow or shrink with the spacing, rotations turn with the surface
+    by the shortest way, constant colours are the mesh's where it has any.
     """
     spread = surfels(mesh, normals, len(old))
     source = cKDTree(old.centres).query(spread.centres, workers=cores())[1]
     across = _rotation(spread.rotations).apply([0.0, 0.0, 1.0])
     spacing = np.sqrt(mesh.areas.sum() / len(spread))
-    before = np.sqrt(worn.areas.sum() / len(old)) if worn is not None and worn.areas.sum() > 0 else spacing
+    before = (
+        np.sqrt(old_mesh.areas.sum() / len(old))
+        if old_mesh is not None and old_mesh.areas.sum() > 0
+        else spacing
+    )
     own = _rotation(old.rotations[source])
     was = own.apply(np.eye(3)[np.argmin(old.log_scales[source], axis=1)])
     was *= np.where(np.einsum("nk,nk->n", was, across) < 0, -1, 1)[:, None]
@@ -166,5 +172,5 @@ def place(old: Gaussians, worn: TriangleMesh | None, mesh: TriangleMesh, normals
 
 
 def _rotation(quaternions: NDArray[np.float32]) -> Rotation:
-    """Of quaternions wxyz (N, 4), of any length."""
+    """Rotations of quaternions wxyz (N, 4) of any length."""
     return Rotation.from_quat(quaternions, scalar_first=True)

@@ -93,7 +93,7 @@ def points_of(obj: Reconstruction) -> FloatArray:
 
 
 def outlined(obj: Reconstruction) -> tuple[FloatArray, NDArray[np.int64] | None]:
-    """What casts the object's silhouettes: the mesh, which has no gaps, else the Gaussians' centres."""
+    """The points and faces whose silhouettes count: the mesh's, which has no gaps, else the Gaussians' centres."""
     if obj.mesh is not None and len(obj.mesh.faces):
         return obj.mesh.vertices, obj.mesh.faces
     return points_of(obj), None
@@ -107,7 +107,7 @@ def dense_points(obj: Reconstruction) -> FloatArray:
 
 
 def both_moved(obj: Reconstruction, move: Callable[[FloatArray], FloatArray]) -> Reconstruction:
-    """The same motion for Gaussians and mesh."""
+    """Move Gaussians and mesh by one function of points (N, 3)."""
     gaussians, mesh = obj.gaussians, obj.mesh
     if gaussians is not None:
         gaussians = gaussians.with_centres(move(np.asarray(gaussians.centres, dtype=np.float64)))
@@ -117,7 +117,7 @@ def both_moved(obj: Reconstruction, move: Callable[[FloatArray], FloatArray]) ->
 
 
 def mismatch(a: Reconstruction, b: Reconstruction) -> str:
-    """Why the two cannot be fused point by point, or ""."""
+    """Return the reason why the two cannot be fused point by point, or ""."""
     if (a.gaussians is None) != (b.gaussians is None) or (a.mesh is None) != (b.mesh is None):
         return "One source has Gaussians or a mesh that the other lacks."
     if a.gaussians is not None and b.gaussians is not None and len(a.gaussians) != len(b.gaussians):
@@ -131,7 +131,7 @@ IOU_TOLERANCE, SUPPORT_TOLERANCE = 1e-3, 0.02
 """Falls of symmetric IoU and of mean mask support that do not speak against a change."""
 
 
-def judged(
+def gate_report(
     stage: str, before: ArrayLike, after: ArrayLike, views: Views, *, faces: ArrayLike | None = None
 ) -> StageReport:
     """Compare points (N, 3) with where a stage put them (M, 3), metres, by the views' masks.

@@ -1,10 +1,9 @@
-"""A canvas for annotating camera pictures, with labels that cover neither each other nor their objects; and sheets."""
+"""A canvas for annotating camera pictures, and sheets of several pictures."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -23,25 +22,9 @@ class Rect(NamedTuple):
     x1: float
     y1: float
 
-    @property
-    def centre(self) -> tuple[float, float]:
-        """Its middle."""
-        return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
-
-    @property
-    def area(self) -> float:
-        """Its area; 0 when it is empty."""
-        return max(0.0, self.x1 - self.x0) * max(0.0, self.y1 - self.y0)
-
-    def overlap(self, other: Rect) -> float:
-        """Area shared with ``other``."""
-        low, high = map(max, self[:2], other[:2]), map(min, self[2:], other[2:])
-        return Rect(*low, *high).area
-
-
-def around(x: float, y: float, radius: float) -> Rect:
-    """The square of half side ``radius`` about a point."""
-    return Rect(x - radius, y - radius, x + radius, y + radius)
+    def overlaps(self, other: Rect) -> bool:
+        """Whether they share an area."""
+        return self.x0 < other.x1 and other.x0 < self.x1 and self.y0 < other.y1 and other.y0 < self.y1
 
 
 def part_about(points: FloatArray, size: tuple[int, int], grow: float, least: float) -> Rect:
@@ -60,24 +43,21 @@ def part_about(points: FloatArray, size: tuple[int, int], grow: float, least: fl
 
 
 def place(near: Rect, size: tuple[float, float], taken: Sequence[Rect], bounds: Rect) -> Rect:
-    """The best of 36 places of a label of ``size`` (width, height) about ``near``, inside ``bounds`` if it fits.
-
-    Overlap with ``taken`` costs most, then overlap with ``near``, then distance.
+    """A place of a label of ``size`` (width, height) beside ``near`` and inside ``bounds``: the first that is free of
+    ``taken`` above, below, right and left; above if none is.
     """
     width, height = size
-    cx, cy = near.centre
-    costs: dict[Rect, float] = {}
-    for ring in range(4):
-        away = GAP + ring * (height + GAP)
-        columns = (cx - width / 2, near.x0 - away - width, near.x1 + away)
-        rows = (near.y0 - away - height, near.y1 + away, cy - height / 2)
-        for order, (x, y) in enumerate((x, y) for y in rows for x in columns):
-            x = min(max(x, bounds.x0), max(bounds.x0, bounds.x1 - width))
-            y = min(max(y, bounds.y0), max(bounds.y0, bounds.y1 - height))
-            spot = Rect(x, y, x + width, y + height)
-            covered = sum(spot.overlap(other) for other in taken) + 0.5 * spot.overlap(near)
-            costs.setdefault(spot, covered + spot.area * (0.15 * ring + 0.01 * order))
-    return min(costs, key=costs.__getitem__)
+    spots = []
+    for x, y in (
+        (0.5 * (near.x0 + near.x1 - width), near.y0 - height - GAP),
+        (0.5 * (near.x0 + near.x1 - width), near.y1 + GAP),
+        (near.x1 + GAP, 0.5 * (near.y0 + near.y1 - height)),
+        (near.x0 - width - GAP, 0.5 * (near.y0 + near.y1 - height)),
+    ):
+        x = min(max(x, bounds.x0), max(bounds.x0, bounds.x1 - width))
+        y = min(max(y, bounds.y0), max(bounds.y0, bounds.y1 - height))
+        spots.append(Rect(x, y, x + width, y + height))
+    return next((spot for spot in spots if not any(map(spot.overlaps, taken))), spots[0])
 
 
 GAP = 4.0
@@ -159,7 +139,6 @@ class Canvas:
         self._draw = ImageDraw.Draw(self._layer)
         self._labels: list[tuple[str, Rect, Colour, str]] = []
         self._digits: list[tuple[str, Point]] = []
-        self._taken: list[Rect] = []
 
     def line(
         self,
@@ -167,43 +146,29 @@ class Canvas:
         colour: Colour,
         width: float = 2.0,
         halo: float = 1.5,
-        dash: float = 0.0,
         alpha: int = 255,
     ) -> None:
-        """A polyline with a dark halo; ``dash`` is the length of dashes and gaps, 0 for a whole line."""
+        """A polyline with a dark halo."""
         path = self._path(points)
         if len(path) < 2:
             return
-        pieces = _dashes(path, dash * _SMOOTH) if dash else [path]
         strokes = [((*INK, min(alpha, 170)), width + 2 * halo)] if halo else []
         for ink, across in (*strokes, ((*colour, alpha), width)):
-            for piece in pieces:
-                self._draw.line(piece, ink, round(across * _SMOOTH), joint="curve")
-
-    def polygon(self, points: Points, colour: Colour, alpha: int) -> None:
-        """A filled polygon; nothing when a corner is not in front of the camera."""
-        path = self._path(points)
-        if len(path) == len(points) >= 3:
-            self._draw.polygon(path, fill=(*colour, alpha))
+            self._draw.line(path, ink, round(across * _SMOOTH), joint="curve")
 
     def dot(self, at: Point, radius: float, fill: Colour, ring: Colour = INK, text: str = "") -> None:
-        """A ringed dot with a short text in it; labels avoid it."""
+        """A ringed dot with a short text in it."""
         for x, y in self._path([at]):
             r = radius * _SMOOTH
             half = r + 0.62 * r * max(0, len(text) - 2)
             box = (x - half, y - r, x + half, y + r)
             self._draw.rounded_rectangle(box, r, fill=(*fill, 255), outline=(*ring, 255), width=2 * _SMOOTH)
-            self._taken.append(around(x / _SMOOTH, y / _SMOOTH, half / _SMOOTH))
             if text:
                 self._digits.append((text, (x / _SMOOTH, y / _SMOOTH)))
 
     def label(self, text: str, near: Rect, colour: Colour, badge: str = "") -> None:
         """A label beside ``near`` (image pixels), with a coloured ``badge`` before it."""
         self._labels.append((one_line(text, 34), self._moved(near), colour, badge))
-
-    def keep_clear(self, near: Rect) -> None:
-        """Labels avoid this part (image pixels)."""
-        self._taken.append(self._moved(near))
 
     def picture(self) -> Image.Image:
         """The annotated picture, RGB."""
@@ -212,7 +177,7 @@ class Canvas:
         pen = ImageDraw.Draw(result, "RGBA")
         for text, at in self._digits:
             pen.text(at, text, fill=(*INK, 255), font=font(12), anchor="mm")
-        taken = list(self._taken)
+        taken: list[Rect] = []
         for text, near, colour, badge in self._labels:
             taken.append(self._write_label(pen, text, near, colour, badge, taken))
         return result.convert("RGB")
@@ -221,22 +186,15 @@ class Canvas:
         self, pen: ImageDraw.ImageDraw, text: str, near: Rect, colour: Colour, badge: str, taken: list[Rect]
     ) -> Rect:
         face = font(14)
-        chip = max(18.0, pen.textlength(badge, font=font(13)) + 10) if badge else 0.0
-        width, height = pen.textlength(text, font=face) + 12 + chip, 20.0
-        bounds = Rect(4, 4, self.size[0] - 4, self.size[1] - 4)
-        spot = place(near, (width, height), taken, bounds)
-        if (
-            spot.overlap(Rect(near.x0 - 8, near.y0 - 8, near.x1 + 8, near.y1 + 8)) == 0
-        ):  # moved away: a line to it
-            x, y = np.clip(near.centre, spot[:2], spot[2:]).tolist()
-            pen.line([(x, y), near.centre], fill=(*colour, 220), width=1)
+        chip = max(18.0, pen.textlength(badge, font=face) + 10) if badge else 0.0
+        size = pen.textlength(text, font=face) + 12 + chip, 20.0
+        spot = place(near, size, taken, Rect(4, 4, self.size[0] - 4, self.size[1] - 4))
+        middle = 0.5 * (spot.y0 + spot.y1)
         pen.rounded_rectangle(spot, 5, fill=(*INK, 205), outline=(*colour, 255))
         if badge:
             pen.rounded_rectangle((spot.x0, spot.y0, spot.x0 + chip, spot.y1), 5, fill=(*colour, 255))
-            middle = (spot.x0 + chip / 2, spot.y0 + height / 2)
-            pen.text(middle, badge, fill=(*INK, 255), font=font(13), anchor="mm")
-        start, ring = (spot.x0 + chip + 6, spot.y0 + height / 2), (*INK, 255)
-        pen.text(start, text, (*PAPER, 255), face, "lm", stroke_width=1, stroke_fill=ring)
+            pen.text((spot.x0 + chip / 2, middle), badge, fill=(*INK, 255), font=face, anchor="mm")
+        pen.text((spot.x0 + chip + 6, middle), text, (*PAPER, 255), face, "lm")
         return spot
 
     def _moved(self, near: Rect) -> Rect:
@@ -248,18 +206,6 @@ class Canvas:
         given = np.asarray(points, dtype=np.float64).reshape(-1, 2)
         near = given[(np.abs(given) < _FAR).all(axis=1)]  # NaN is not
         return [(x, y) for x, y in ((near - self._part[:2]) * self.scale * _SMOOTH).tolist()]
-
-
-def _dashes(path: Sequence[Point], length: float) -> list[list[Point]]:
-    """The dashes of a polyline with dash ``length``; at most a few hundred."""
-    pieces = []
-    for start, end in pairwise(np.array(path)):
-        way = end - start
-        count = int(np.clip(round(np.hypot(*way) / (2 * length)), 1, 200))
-        for k in range(count):
-            dash = [start + way * (k / count), start + way * ((k + 0.5) / count)]
-            pieces.append([(x, y) for x, y in np.array(dash).tolist()])
-    return pieces
 
 
 def contact_sheet(tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, gap: int = 8) -> Image.Image:

@@ -15,7 +15,7 @@ from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, Stric
 from markupsafe import Markup
 from PIL import Image
 
-from gvla2.episode.memory_reporting import turns_of
+from gvla2.episode.lessons import turns_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_json, write_text
@@ -86,14 +86,11 @@ def templates() -> Environment:
         css=css_colour,
         degrees=math.degrees,
         finite=lambda value: value if value and math.isfinite(value) else 0.0,
-        direction=wording.direction,
-        figure=wording.figure,
         fixed=wording.fixed,
         label_of=wording.label_of,
         listing=listing,
         number=wording.number,
         one_line=one_line,
-        role_name=wording.role_name,
         seconds=wording.seconds,
         share=wording.share,
     )

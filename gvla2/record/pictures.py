@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.episode.record import EpisodeRecord
@@ -16,7 +14,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import (
     INK,
     PAPER,
@@ -24,7 +22,6 @@ from gvla2.record.drawing import (
     Colour,
     Point,
     Rect,
-    around,
     enlarged,
     marker_colour,
     part_about,
@@ -34,19 +31,14 @@ from gvla2.record.drawing import (
 OPEN_COLOUR: Colour = (120, 214, 255)
 CLOSED_COLOUR: Colour = (255, 168, 60)
 
-_FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
 _EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
-_HIDDEN: dict[str, Any] = {"width": 1.0, "halo": 0.0, "dash": 5.0, "alpha": 170}
-_NEAR: dict[str, Any] = {"width": 2.0}
-_FAR: dict[str, Any] = {"width": 0.8, "halo": 0.0, "alpha": 120}
 _SEEN = 0.03  # share of an object's points that must be visible for its label
 
 
 def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Image:
     """The view with the oriented box of each scene object, numbered in the scene's order.
 
-    Edges on an object's far side are thin. An object hidden from this camera (by the view's depth) is dashed and has no
-    label.
+    An object hidden from this camera (by the view's depth) is faint and has no label.
     """
     canvas = Canvas(view.image, width)
     eye = view.camera.position
@@ -58,7 +50,6 @@ def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Imag
     for index, obj in reversed(order):
         near = _bounds(view.camera, obj)
         if near is not None and in_sight(view, obj) >= _SEEN:
-            canvas.keep_clear(near)
             canvas.label(obj.label or obj.id, near, marker_colour(index), badge=str(index + 1))
     return canvas.picture()
 
@@ -99,11 +90,10 @@ def plan_overlay(
     scene: Scene | None = None,
     width: int = 640,
 ) -> Image.Image:
-    """The waypoint path in the view: numbered dots (from 0, as in files and messages), stage names, grips.
+    """The waypoint path in the view: numbered dots (from 0, as in files and messages) and grips.
 
-    ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one; a dashed
-    leg is a free motion, a solid one a straight line. With ``scene`` the path also casts a faint shadow on the table,
-    straight below it, so that height can be read. The picture shows the part of the view with the path and the objects.
+    ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one. The
+    picture shows the part of the view with the path and the objects of ``scene``.
     """
     camera, waypoints = view.camera, list(trajectory)
     stops = _stops(trajectory)
@@ -112,40 +102,21 @@ def plan_overlay(
     pixels, size = camera.project(shown)[0], (camera.width, camera.height)
     part = part_about(pixels[camera.inside(pixels)], size, grow=1.2, least=0.5 * min(size))
     canvas = Canvas(view.image, width, part)
-    if scene is not None:
-        _draw_shadow(canvas, camera, path, scene.table_height)
     openings = [1.0, *(w.gripper for w in waypoints)]
     first = 0 if start is not None else 1
     for a, b, opening, waypoint in zip(path, path[1:], openings[first:], waypoints[first:], strict=False):
         leg = camera.project(np.linspace(a, b, 16))[0]
-        dash = 0.0 if waypoint.motion == "linear" else 7.0
-        canvas.line(leg, _grip_colour(opening), width=3.5 if waypoint.carries else 2.5, dash=dash)
-        for u, v in leg:
-            canvas.keep_clear(around(u, v, 4 / canvas.scale))
+        canvas.line(leg, _grip_colour(opening), width=3.5 if waypoint.carries else 2.5)
     for at, members in _clusters(camera, stops, canvas.scale):
         last = waypoints[members[-1]]
-        near = around(*at, 10 / canvas.scale)
         numbers = "·".join(str(k) for k in members)
         canvas.dot(at, 9.5, PAPER if last.gripper > 0.5 else CLOSED_COLOUR, ring=INK, text=numbers)
-        text = " / ".join(_stage_labels(waypoints, members))
-        canvas.label(text, near, _grip_colour(last.gripper), badge=numbers)
     return canvas.picture()
 
 
 def _stops(trajectory: Trajectory) -> FloatArray:
     """(N, 3) the waypoints' positions."""
     return trajectory.xyzg().reshape(-1, 4)[:, :3]
-
-
-def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[str]:
-    labels: dict[str, None] = {}
-    for k in names:
-        before = waypoints[k - 1].gripper if k else 1.0
-        change = waypoints[k].gripper - before
-        name = waypoints[k].stage.replace("_", " ")
-        act = " (closes)" if change < -0.05 else " (opens)" if change > 0.05 else ""
-        labels[name if name in act else name + act] = None
-    return list(labels)
 
 
 def _clusters(camera: Camera, stops: FloatArray, scale: float) -> list[tuple[Point, list[int]]]:
@@ -167,28 +138,10 @@ def _grip_colour(opening: float) -> Colour:
     return OPEN_COLOUR if opening > 0.5 else CLOSED_COLOUR
 
 
-def _draw_shadow(canvas: Canvas, camera: Camera, path: FloatArray, table: float) -> None:
-    ground = np.column_stack([path[:, :2], np.full(len(path), table)])
-    canvas.line(camera.project(ground)[0], INK, width=2.0, halo=0.0, alpha=90)
-    for plumb in np.stack([path, ground], axis=1):
-        canvas.line(camera.project(plumb)[0], INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
-
-
 def _draw_box(canvas: Canvas, camera: Camera, obj: SceneObject, colour: Colour, hidden: bool) -> None:
-    corners = obj.corners()
-    pixels, _ = camera.project(corners)
-    facing = {face for face in _FACES if _faces_camera(camera, corners, face, obj.centre)}
-    for face in facing:
-        canvas.polygon(pixels[list(face)], colour, alpha=18 if hidden else 46)
-    near = {edge: any(set(edge) <= set(face) for face in facing) for edge in _EDGES}
-    for edge in sorted(_EDGES, key=near.__getitem__):
-        style = _HIDDEN if hidden else _NEAR if near[edge] else _FAR
-        canvas.line(pixels[list(edge)], colour, **style)
-
-
-def _faces_camera(camera: Camera, corners: FloatArray, face: tuple[int, ...], centre: FloatArray) -> bool:
-    middle = corners[list(face)].mean(axis=0)
-    return float((middle - centre) @ (camera.position - middle)) > 0
+    pixels, _ = camera.project(obj.corners())
+    for edge in _EDGES:
+        canvas.line(pixels[list(edge)], colour, width=1.0 if hidden else 2.0, alpha=110 if hidden else 255)
 
 
 def _bounds(camera: Camera, obj: SceneObject) -> Rect | None:
@@ -199,8 +152,6 @@ def _bounds(camera: Camera, obj: SceneObject) -> Rect | None:
     return Rect(*box.ravel().tolist())
 
 
-_UNKNOWN = (96, 100, 108)
-
 Shots = Mapping[str, bytes]
 """PNG files by their captions, mostly cameras' names."""
 
@@ -209,14 +160,13 @@ Shots = Mapping[str, bytes]
 class Pictures:
     """The page's pictures; empty if not made.
 
-    ``plain`` are the cameras' pictures as taken, ``objects`` those with the perceived objects, ``depth`` their depth,
+    ``plain`` are the cameras' pictures as taken, ``objects`` those with the perceived objects,
     ``plan`` the planned path in some of them. ``film`` is the motion as MP4, ``model`` the scene with
     the plan as GLB.
     """
 
     plain: Shots = field(default_factory=dict)
     objects: Shots = field(default_factory=dict)
-    depth: Shots = field(default_factory=dict)
     plan: Shots = field(default_factory=dict)
     before: bytes = b""
     after: bytes = b""
@@ -234,27 +184,6 @@ def main_picture(observation: Observation) -> bytes:
 def plain_pictures(observation: Observation) -> Shots:
     """Each camera's picture."""
     return {view.name: png(Image.fromarray(view.image)) for view in observation.pictured()}
-
-
-def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
-    """Depth (H, W), metres, as colours: yellow near, violet far, grey where nothing was measured.
-
-    The scale runs from the 1st to the 99th percentile of the measurements and is written into the picture.
-    """
-    known = np.isfinite(depth)
-    low, high = (float(v) for v in np.percentile(depth[known], [1, 99])) if known.any() else (0.0, 1.0)
-    nearness = np.clip((high - np.where(known, depth, low)) / max(high - low, 1e-6), 0, 1)
-    colours = cv2.applyColorMap(np.rint(255 * nearness).astype(np.uint8), cv2.COLORMAP_VIRIDIS)[..., ::-1]
-    picture = Image.fromarray(np.where(known[..., None], colours, _UNKNOWN).astype(np.uint8))
-    canvas = Canvas(np.asarray(enlarged(picture, width, how=Image.Resampling.NEAREST)), width)
-    below = Rect(0, canvas.size[1], 0, canvas.size[1])
-    canvas.label(f"{low:.2f} to {high:.2f} m" if known.any() else "no depth measured", below, _UNKNOWN)
-    return canvas.picture()
-
-
-def depth_pictures(observation: Observation) -> Shots:
-    """Each camera's depth, where it measures any."""
-    return {v.name: png(depth_picture(v.depth)) for v in observation.views if v.depth is not None}
 
 
 def object_pictures(observation: Observation, scene: Scene) -> Shots:
@@ -289,7 +218,6 @@ class Shown(NamedTuple):
 SHOWN: Mapping[str, Shown] = {
     "before": Shown("The picture before", lambda r: (r.observation,), main_picture, "before.png"),
     "plain": Shown("The cameras' pictures", lambda r: (r.observation,), plain_pictures),
-    "depth": Shown("The cameras' depth", lambda r: (r.observation,), depth_pictures, "depth.png"),
     "objects": Shown(
         "The picture of the objects", lambda r: (r.observation, r.scene), object_pictures, "perception.png"
     ),

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree, cKDTree
+from scipy.spatial import cKDTree
 
 from gvla2.geometry.gaussians import write_gaussians
 from gvla2.geometry.mesh import TriangleMesh
@@ -21,13 +21,17 @@ from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.view_set import points_of
-from gvla2.record import reconstruction_pictures
+from gvla2.record import reconstruction_measures
 from gvla2.record.page import render
-from gvla2.record.reconstruction_measures import Measures
-from gvla2.record.reconstruction_pictures import ReconstructionPictures, turntable, view_pictures
+from gvla2.record.reconstruction_measures import (
+    Measures,
+    ReconstructionPictures,
+    drawable,
+    turntable,
+    view_pictures,
+)
 from gvla2.record.recorder import FolderRecorder
-from gvla2.record.text import count
-from gvla2.record.wording import State, Step, fixed
+from gvla2.record.wording import State, fixed
 
 
 @dataclass(frozen=True)
@@ -53,7 +57,8 @@ class ReconstructionRecord:
     @property
     def changed(self) -> bool:
         """Whether the output differs from the first reconstruction at all."""
-        return self.displacement > 0 or self._colours(self.result.out) != self._colours(self.result.g0)
+        before, after = (drawable(end).sh_dc for end in (self.result.g0, self.result.out))
+        return self.displacement > 0 or not np.array_equal(before, after)
 
     @property
     def displacement(self) -> float:
@@ -99,12 +104,6 @@ class ReconstructionRecord:
             "notes": list(self.notes),
         }
 
-    def _colours(self, made: Reconstruction) -> bytes:
-        of_points = b"" if made.gaussians is None else made.gaussians.sh_dc.tobytes()
-        if made.mesh is None or made.mesh.colours is None:
-            return of_points
-        return of_points + made.mesh.colours.tobytes()
-
 
 STATES: Mapping[str, State] = {
     "applied": "done",
@@ -121,19 +120,14 @@ _STEADY = 5e-4  # relative change below which a number counts as unchanged
 
 @dataclass(frozen=True)
 class BeforeAfter:
-    """A number before and after the branch, and how it is shown: its name, decimals, unit, whether more is better."""
+    """A number before and after the branch, and how it is shown: its name, decimals, whether more is better."""
 
     label: str
     digits: int
-    unit: str
     more_is_better: bool
-    note: str = ""
+    note: str
     before: float = math.nan
     after: float = math.nan
-
-    def shown(self, value: float) -> str:
-        """Such a number with its unit."""
-        return f"{fixed(value, self.digits)} {self.unit}".strip()
 
     @property
     def change(self) -> float | None:
@@ -153,20 +147,18 @@ class BeforeAfter:
     @property
     def change_text(self) -> str:
         """The number before and after ("0.9012 → 0.9311"), or after alone where no change is defined."""
-        after = self.shown(self.after)
-        return after if self.change is None else f"{fixed(self.before, self.digits)} → {after}"
+        before, after = fixed(self.before, self.digits), fixed(self.after, self.digits)
+        return after if self.change is None else f"{before} → {after}"
 
 
 MEASURES: Mapping[str, BeforeAfter] = {
-    "symmetric_iou": BeforeAfter("symmetric IoU", 4, "", True, "overlap of silhouettes and masks, both ways"),
-    "mask_support": BeforeAfter("mask support", 4, "", True, "mean mask value where points project"),
-    "psnr": BeforeAfter("PSNR", 2, "dB", True, "colours, on white"),
-    "ssim": BeforeAfter("SSIM", 4, "", True, "structure, uniform 7 × 7 window"),
-    "lpips": BeforeAfter("LPIPS", 4, "", False, "perceived distance, AlexNet v0.1"),
+    "symmetric_iou": BeforeAfter("symmetric IoU", 4, True, "overlap of silhouettes and masks, both ways"),
+    "psnr": BeforeAfter("PSNR, dB", 2, True, "colours, on white"),
+    "ssim": BeforeAfter("SSIM", 4, True, "structure, uniform 7 × 7 window"),
     "cd_surface": BeforeAfter(
-        "CD surface × 10³", 2, "", False, "in the views’ frame: place, scale and shape count"
+        "CD surface × 10³", 2, False, "in the views’ frame: place, scale and shape count"
     ),
-    "cd_official": BeforeAfter("CD official × 10³", 2, "", False, "each shape in its own unit box"),
+    "cd_official": BeforeAfter("CD official × 10³", 2, False, "each shape in its own unit box"),
 }
 """How each measure is shown."""
 
@@ -176,8 +168,7 @@ def compared(record: ReconstructionRecord, group: str, name: str) -> BeforeAfter
     before, after = record.measures.groups.get(group, ({}, {})) if record.measures else ({}, {})
     if name not in after:
         return None
-    shown = MEASURES.get(name, BeforeAfter(name.replace("_", " "), 4, "", True))
-    return replace(shown, before=before.get(name, math.nan), after=after[name])
+    return replace(MEASURES[name], before=before.get(name, math.nan), after=after[name])
 
 
 def headline(record: ReconstructionRecord) -> tuple[str, str]:
@@ -194,25 +185,6 @@ def headline(record: ReconstructionRecord) -> tuple[str, str]:
 def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
     """The branch's options that differ from the defaults."""
     return BranchOptions(**record.options).changed()
-
-
-def steps(record: ReconstructionRecord) -> list[Step]:
-    """Reading, the first reconstruction, each stage of the branch, measuring and drawing, in order."""
-    first = record.result.g0.status
-
-    def own(name: str, found: str = "", how: State = "done") -> Step:
-        done = name in record.timings
-        return Step(name, how if done else "skipped", record.timings.get(name), found)
-
-    branch = (
-        Step(s.stage.replace("_", " "), STATES[s.status], s.seconds, f"{s.status}: {s.reason}")
-        for s in record.result.stages
-    )
-    read, made = (
-        count(len(record.views), "view"),
-        own("reconstruct", first, "done" if first == "ok" else "warn"),
-    )
-    return [own("read", read), made, *branch, own("measure"), own("draw")]
 
 
 def summary_line(record: ReconstructionRecord) -> str:
@@ -260,7 +232,7 @@ class ReconstructionRecorder(FolderRecorder):
                 f"The surface is a new one: {GLB} has colours, not the materials of {source.name}."
             )
             return False
-        nearest = KDTree(before.vertices)
+        nearest = cKDTree(before.vertices)
         map_glb(source, self.folder / GLB, lambda points: mesh.vertices[nearest.query(points)[1]])
         return True
 
@@ -305,6 +277,6 @@ def render_reconstruction(
     """
     known = {"record": record, "pictures": pictures, "config_yaml": config_yaml, "beside": beside}
     words = SimpleNamespace(
-        STATES=STATES, compared=compared, headline=headline, steps=steps, unusual_options=unusual_options
+        STATES=STATES, compared=compared, headline=headline, unusual_options=unusual_options
     )
-    return render("reconstruction.html.jinja", pictured=reconstruction_pictures, words=words, **known)
+    return render("reconstruction.html.jinja", pictured=reconstruction_measures, words=words, **known)

@@ -1,27 +1,46 @@
-"""The fit of a reconstruction to its input views, held-out views and a true mesh, before and after the branch."""
+"""The fit of a reconstruction to its input views, held-out views and a true mesh, before and after the branch; and the
+pictures of it, as files' bytes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
-from gvla2.errors import GeometryError, MissingDependencyError
+from gvla2.errors import GeometryError
 from gvla2.evaluation import metrics
 from gvla2.evaluation.metrics import ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
+from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.reconstruction.silhouette import silhouettes
-from gvla2.reconstruction.support import mask_of, mask_support
+from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.view_set import outlined
+from gvla2.record.drawing import Colour, Rect, contact_sheet, enlarged, part_about, png
+from gvla2.record.motion import encoded
+
+MISSED: Colour = (230, 97, 1)
+EXCESS: Colour = (44, 96, 214)
+AGREED: Colour = (186, 198, 208)
+PAPER = 246
+WIDTH = 360
+"""Approximate width of a view's pictures in pixels."""
+MOST_VIEWS = 12
+"""Maximum number of views on the page, spread over all."""
+TURNTABLE_SIZE = 288
+SECONDS_A_TURN = 4.0
+FIELD_OF_VIEW, ELEVATION = np.deg2rad(30.0), np.deg2rad(22.0)
 
 Floats = NDArray[np.float32]
 
@@ -30,59 +49,51 @@ Floats = NDArray[np.float32]
 class ViewFit:
     """One input view against the reconstruction.
 
-    ``image`` (H, W, 3) is rendered; ``silhouette`` (H, W) bool. ``missed`` counts mask pixels outside the silhouette,
-    ``excess`` silhouette pixels beyond the mask; ``iou`` is NaN for an empty mask. ``psnr`` in dB is against the
-    picture laid on white by its mask.
+    ``image`` (H, W, 3) is rendered; ``silhouette`` (H, W) bool. ``iou`` and ``psnr`` (dB, against the picture laid on
+    white by its mask) are NaN for an empty mask.
     """
 
     image: Floats
     silhouette: NDArray[np.bool_]
     iou: float
-    missed: int
-    excess: int
     psnr: float
 
 
 @dataclass(frozen=True)
 class ReconstructionFit:
-    """A reconstruction against all input views; ``support`` is the mean s(p) of the drawn ``gaussians``."""
+    """A reconstruction against all input views, with its drawn ``gaussians``."""
 
     gaussians: Gaussians
-    support: float
     views: tuple[ViewFit, ...]
 
     def numbers(self) -> dict[str, float]:
-        """The means over views, except those with an empty mask, and over points."""
-        return {
-            "symmetric_iou": _mean([view.iou for view in self.views]),
-            "mask_support": self.support,
-            "psnr": _mean([view.psnr for view in self.views]),
-        }
+        """The means over the views, except those with an empty mask."""
+        known = [(view.iou, view.psnr) for view in self.views if np.isfinite(view.iou)]
+        iou, psnr = np.mean(known, axis=0) if known else (np.nan, np.nan)
+        return {"symmetric_iou": float(iou), "psnr": float(psnr)}
 
 
 @dataclass(frozen=True)
 class Measures:
     """Before and after the branch: ``before`` and ``after`` in detail, and all numbers by group and name.
 
-    ``groups``: ``inputs`` (the fit to the input views: not a measure of quality), ``held_out`` (PSNR, SSIM, LPIPS in
-    unused views) and ``truth`` (Chamfer distances x 1000); each (before, after). ``unmeasured`` says why a number is
-    missing, by its name.
+    ``groups``: ``inputs`` (the fit to the input views: not a measure of quality), ``held_out`` (PSNR and SSIM in
+    unused views) and ``truth`` (Chamfer distances x 1000); each (before, after).
     """
 
     before: ReconstructionFit
     after: ReconstructionFit
     groups: Mapping[str, tuple[Mapping[str, float], Mapping[str, float]]]
     held_out: tuple[str, ...] = ()
-    unmeasured: Mapping[str, str] = field(default_factory=dict)
 
     def summary(self) -> dict[str, Any]:
         """Plain numbers; a group that was not measured is None."""
-        ends = ("before", "after")
         measured = {
-            group: dict(zip(ends, map(dict, pair), strict=True)) for group, pair in self.groups.items()
+            group: {"before": dict(before), "after": dict(after)}
+            for group, (before, after) in self.groups.items()
         }
         groups = {group: measured.get(group) for group in ("inputs", "held_out", "truth")}
-        return {**groups, "held_out_views": list(self.held_out), "unmeasured": dict(self.unmeasured)}
+        return {**groups, "held_out_views": list(self.held_out)}
 
 
 def measure(
@@ -104,17 +115,17 @@ def measure(
     if held_out is None and truth is None:
         return Measures(before, after, groups)
     targets = views if held_out is None else held_out
-    judge, why = _judge(ObjectViews("", views, _on_white(targets), truth), renderer)
+    whitened = Views(tuple(replace(v, image=as_bytes(on_white(v))) for v in targets))
+    judge = ReconstructionJudge(ObjectViews("", views, whitened, truth), renderer)
     pair = [judge.measure(replace(end, gaussians=drawable(end))).measures for end in ends]
     for group, named, asked in (
-        ("held_out", ("psnr", "ssim", "lpips"), held_out),
+        ("held_out", ("psnr", "ssim"), held_out),
         ("truth", ("cd_surface", "cd_official"), truth),
     ):
         if asked is not None:
             kept = [{n: v for n in named if (v := numbers.get(n)) is not None} for numbers in pair]
             groups[group] = kept[0], kept[1]
-    names = () if held_out is None else tuple(view.name for view in held_out)
-    return Measures(before, after, groups, names, {"lpips": why} if why and names else {})
+    return Measures(before, after, groups, tuple(view.name for view in held_out or ()))
 
 
 def fit(made: Reconstruction, views: Views, renderer: Renderer) -> ReconstructionFit:
@@ -124,14 +135,12 @@ def fit(made: Reconstruction, views: Views, renderer: Renderer) -> Reconstructio
     rows = []
     for view, silhouette in zip(views, silhouettes(points, views, faces=faces), strict=True):
         image, mask = renderer.render(gaussians, view.camera)[0], mask_of(view) > 0.5
-        missed, excess = int((mask & ~silhouette).sum()), int((silhouette & ~mask).sum())
         iou = psnr = float("nan")
         if mask.any():
-            union = int((mask | silhouette).sum())
-            iou, psnr = (union - missed - excess) / union, metrics.psnr(image, on_white(view))
-        rows.append(ViewFit(image, silhouette, iou, missed, excess, psnr))
-    support = float(mask_support(gaussians.centres, views).mean())
-    return ReconstructionFit(gaussians, support, tuple(rows))
+            iou = float((mask & silhouette).sum() / (mask | silhouette).sum())
+            psnr = metrics.psnr(image, on_white(view))
+        rows.append(ViewFit(image, silhouette, iou, psnr))
+    return ReconstructionFit(gaussians, tuple(rows))
 
 
 def drawable(made: Reconstruction) -> Gaussians:
@@ -152,21 +161,97 @@ def on_white(view: View) -> Floats:
     return np.asarray(np.where(view.mask[..., None] > 0, image, np.float32(1.0)))
 
 
-def _on_white(views: Views) -> Views:
-    """The views laid on white by their masks."""
-    return Views(tuple(replace(v, image=np.rint(255 * on_white(v)).astype(np.uint8)) for v in views))
+def as_bytes(image: Floats) -> NDArray[np.uint8]:
+    """A picture with values in [0, 1] as uint8."""
+    return np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
-def _judge(views: ObjectViews, renderer: Renderer) -> tuple[ReconstructionJudge, str]:
-    """The judge of a bench, with LPIPS if it can be measured, else the reason why not."""
-    from gvla2.evaluation.lpips import Lpips
+@dataclass(frozen=True)
+class ViewPictures:
+    """The part of one input view with the object, as PNG files; pairs are (before, after).
 
-    try:
-        return ReconstructionJudge(views, renderer, Lpips()), ""
-    except (MissingDependencyError, GeometryError) as error:
-        return ReconstructionJudge(views, renderer), str(error)
+    ``index`` is the view's place among the inputs.
+    """
+
+    index: int
+    name: str
+    photo: bytes
+    renders: list[bytes]
+    residuals: list[bytes]
 
 
-def _mean(values: Sequence[float]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.mean(known)) if known else float("nan")
+@dataclass
+class ReconstructionPictures:
+    """The page's pictures; empty if not made. ``turntable`` is an MP4 film."""
+
+    views: tuple[ViewPictures, ...] = ()
+    turntable: bytes = b""
+
+
+def view_pictures(views: Views, measures: Measures) -> tuple[ViewPictures, ...]:
+    """The pictures of the shown views."""
+    count = len(views)
+    made = []
+    for k in sorted({int(k) for k in np.linspace(0, count - 1, min(count, MOST_VIEWS)).round()}):
+        view, fits = views[k], [end.views[k] for end in (measures.before, measures.after)]
+        box = part_of(view, [one.silhouette for one in fits])
+        shown = ViewPictures(
+            k,
+            view.name,
+            photo=_photograph(on_white(view), box),
+            renders=[_photograph(one.image, box) for one in fits],
+            residuals=[png(residual_picture(one.silhouette, view, box)) for one in fits],
+        )
+        made.append(shown)
+    return tuple(made)
+
+
+def part_of(view: View, shapes: Iterable[NDArray[np.bool_]]) -> Rect:
+    """A square part of the image with the mask, the silhouettes and some margin; at least 48 pixels."""
+    shown = np.argwhere(np.any([mask_of(view) > 0.5, *shapes], axis=0))[:, ::-1]
+    corners = np.concatenate([shown, shown + 1]).astype(np.float64)
+    return part_about(corners, (view.camera.width, view.camera.height), grow=1.24, least=48)
+
+
+def _photograph(image: Floats, box: Rect) -> bytes:
+    return png(enlarged(Image.fromarray(np.ascontiguousarray(as_bytes(image))), WIDTH, box))
+
+
+def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Rect, width: int = WIDTH) -> Image.Image:
+    """Silhouette against mask, pixel by pixel: agreed grey, missed orange, excess blue."""
+    mask = mask_of(view) > 0.5
+    grey = view.image.astype(np.float32).mean(axis=-1, keepdims=True)
+    picture = np.full(view.image.shape, PAPER, dtype=np.float32)
+    picture[mask & silhouette] = (0.78 * np.array(AGREED) + 0.22 * grey)[mask & silhouette]
+    picture[mask & ~silhouette] = MISSED
+    picture[silhouette & ~mask] = EXCESS
+    return enlarged(Image.fromarray(picture.astype(np.uint8)), width, box, Image.Resampling.NEAREST)
+
+
+def turntable(views: Views, measures: Measures, renderer: Renderer, frames: int) -> bytes:
+    """An MP4 film of one turn that starts at the first view's side: first and refined object side by side."""
+    ends = (measures.before.gaussians, measures.after.gaussians)
+    points = np.concatenate([end.centres for end in ends]).astype(np.float64)
+    turn = []
+    for camera in ring(points, frames, TURNTABLE_SIZE, views[0].camera.position):
+        pair = [Image.fromarray(as_bytes(renderer.render(end, camera)[0])) for end in ends]
+        titled = zip(("first reconstruction", "refined"), pair, strict=True)
+        turn.append(np.asarray(contact_sheet(list(titled))))
+    return encoded(turn, frames / SECONDS_A_TURN)
+
+
+def ring(points: FloatArray, count: int, size: int, first: FloatArray) -> tuple[Camera, ...]:
+    """Cameras that circle points (N, 3) once, world z upwards, with all of them in the picture.
+
+    The circle starts on the side of the position ``first`` (3,).
+    """
+    low, high = np.percentile(points, [0.5, 99.5], axis=0)
+    centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+    away = 1.02 * max(radius, 1e-6) / np.sin(0.5 * FIELD_OF_VIEW)
+    begin = np.arctan2(*(first - centre)[1::-1])
+    turns, flat = begin + 2 * np.pi * np.arange(count) / count, np.cos(ELEVATION)
+    offsets = [away * np.array([flat * np.cos(t), flat * np.sin(t), np.sin(ELEVATION)]) for t in turns]
+    return tuple(
+        Camera.from_fov(FIELD_OF_VIEW, look_along(centre + offset, -offset), size, size, f"turn {k}")
+        for k, offset in enumerate(offsets)
+    )

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.episode.memory_reporting import kept
+from gvla2.episode.lessons import kept
 from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import masked_views, objects_of_interest
 from gvla2.errors import OutputError

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from gvla2.episode.record import EpisodeRecord, Stage
@@ -46,14 +44,8 @@ class Step:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` decimals at most, "–" for none or not-a-number."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    text = f"{value:.{digits}f}"
-    text = text.rstrip("0").rstrip(".") if "." in text else text
-    if text in ("0", "-0"):
-        return "0" if value == 0 else f"{value:.2g}"
-    return text
+    """A number with ``digits`` significant digits, "–" for none or not-a-number."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
 
 
 def fixed(value: float | None, digits: int) -> str:
@@ -65,14 +57,12 @@ def seconds(value: float | None) -> str:
     """Wall time, "0.4 s"."""
     if value is None or not math.isfinite(value):
         return "–"
-    return (
-        f"{value:.0f} s" if value >= 100 else f"{value:.1f} s" if value >= 0.095 else f"{1000 * value:.0f} ms"
-    )
+    return f"{value:.1f} s" if value >= 0.095 else f"{1000 * value:.0f} ms"
 
 
 def result_of(record: EpisodeRecord, stage: Stage) -> str:
     """The result of ``stage`` in a few plain words; "" when it has none."""
-    if _REPORTS[stage].made(record) is None:
+    if _REPORTS[stage][0](record) is None:
         return ""
     return str(getattr(_findings(), stage)(record)).strip()
 
@@ -137,24 +127,15 @@ def details(record: EpisodeRecord) -> list[str]:
     return parts
 
 
-@dataclass(frozen=True)
-class _Report:
-    """The output of a stage, from the record, and the stage's state if that output is not well."""
-
-    made: Callable[[EpisodeRecord], Any]
-    well: Callable[[Any], bool] = lambda made: True
-    otherwise: State = "warn"
-
-
 def state(record: EpisodeRecord, stage: Stage) -> State:
     """How ``stage`` ended."""
     if record.failure is not None and record.failure.stage == stage:
         return "warn" if stage == "plan" and record.plan is not None and record.plan.abstention else "failed"
-    report = _REPORTS[stage]
-    made = report.made(record)
+    of, well = _REPORTS[stage]
+    made = of(record)
     if made is None or made == "":
         return "done" if stage in record.timings and stage in ("setup", "reconstruct") else "skipped"
-    return "done" if report.well(made) else report.otherwise
+    return "done" if well(made) else "failed" if stage in ("check", "execute") else "warn"
 
 
 def finding(record: EpisodeRecord, stage: Stage) -> str:
@@ -165,19 +146,20 @@ def finding(record: EpisodeRecord, stage: Stage) -> str:
     return result_of(record, stage)
 
 
-_REPORTS: Mapping[Stage, _Report] = {
-    "setup": _Report(lambda r: r.goal),
-    "observe": _Report(lambda r: r.observation),
-    "perceive": _Report(lambda r: r.scene),
-    "reconstruct": _Report(lambda r: r.refinement),
-    "recall": _Report(lambda r: r.recalled, lambda made: not made.degraded),
-    "plan": _Report(lambda r: r.plan, lambda made: made.trajectory is not None),
-    "check": _Report(lambda r: r.checks, lambda made: made.passed, "failed"),
-    "execute": _Report(lambda r: r.report, lambda made: made.completed, "failed"),
-    "verify": _Report(lambda r: r.verdict, lambda made: made.outcome == "verified_success"),
-    "learn": _Report(lambda r: r.learned, lambda made: not made.degraded),
-    "success_check": _Report(lambda r: r.success_check, lambda made: made.relaxed),
+_REPORTS: Mapping[Stage, tuple[Callable[[EpisodeRecord], Any], Callable[[Any], bool]]] = {
+    "setup": (lambda r: r.goal, bool),
+    "observe": (lambda r: r.observation, lambda made: True),
+    "perceive": (lambda r: r.scene, lambda made: True),
+    "reconstruct": (lambda r: r.refinement, bool),
+    "recall": (lambda r: r.recalled, lambda made: not made.degraded),
+    "plan": (lambda r: r.plan, lambda made: made.trajectory is not None),
+    "check": (lambda r: r.checks, lambda made: made.passed),
+    "execute": (lambda r: r.report, lambda made: made.completed),
+    "verify": (lambda r: r.verdict, lambda made: made.outcome == "verified_success"),
+    "learn": (lambda r: r.learned, lambda made: not made.degraded),
+    "success_check": (lambda r: r.success_check, lambda made: made.relaxed),
 }
+"""The output of each stage, from the record, and whether that output is well."""
 STAGES = tuple(_REPORTS)
 
 
@@ -197,11 +179,6 @@ def label_of(obj: SceneObject) -> str:
     return obj.label or obj.id
 
 
-def role_name(role: str) -> str:
-    """A role of the plan in plain words: "object" for ``theme``, "goal 2" for ``goal_2``."""
-    return re.sub("theme", "object", role).replace("_", " ")
-
-
 def called(object_id: str, scene: Scene | None) -> str:
     """The label of the scene object with this id; the id itself ("table") if there is none."""
     objects = scene.objects if scene is not None else ()
@@ -215,43 +192,12 @@ def call_words(record: EpisodeRecord) -> list[str]:
     return list(map(str, named))
 
 
-def parameter_rows(plan: Plan) -> tuple[list[tuple[str, str, list[str]]], list[str]]:
-    """(name, value, memory's change) of each parameter, and the remaining notes."""
-    notes = list(plan.notes)
-    rows = []
-    for name, value in plan.parameters.items():
-        own = [note for note in notes if note.startswith(f"{name}:")]
-        notes = [note for note in notes if note not in own]
-        rows.append((name, figure(value), [note.partition(":")[2].strip() for note in own]))
-    return rows, notes
+def ranked_candidates(plan: Plan) -> list[tuple[Candidate, bool]]:
+    """(candidate, chosen) from best to worst; the best one not rejected was chosen."""
 
+    def rank(candidate: Candidate) -> tuple[bool, float]:
+        return bool(candidate.rejected), -candidate.score if math.isfinite(candidate.score) else 0.0
 
-def ranked_candidates(plan: Plan) -> list[tuple[Candidate, float, bool]]:
-    """(candidate, bar in percent, chosen) from best to worst; the best one not rejected was chosen."""
-    scores = {id(c): c.score if math.isfinite(c.score) else 0.0 for c in plan.candidates}
-    order = sorted(plan.candidates, key=lambda c: (bool(c.rejected), -scores[id(c)]))
-    largest = max(scores.values(), default=0.0)
+    order = sorted(plan.candidates, key=rank)
     chosen = order[0] if order and not order[0].rejected and plan.trajectory is not None else None
-    return [(c, max(0.0, share(scores[id(c)], largest)) if largest > 0 else 0.0, c is chosen) for c in order]
-
-
-def direction(vector: tuple[float, float, float], both: bool = False) -> str:
-    """A direction: "down", "+x", or its numbers; with ``both`` the sign is ignored ("y")."""
-    v = np.asarray(vector, dtype=np.float64)
-    length = float(np.linalg.norm(v))
-    if not math.isfinite(length) or length < 1e-9:
-        return "nowhere"
-    v = v / length
-    axis = int(np.argmax(np.abs(v)))
-    if abs(v[axis]) < 0.995:
-        return "(" + ", ".join(number(float(c), 2) for c in v) + ")"
-    if both:
-        return "xyz"[axis]
-    if axis == 2:
-        return "down" if v[2] < 0 else "up"
-    return ("−" if v[axis] < 0 else "+") + "xy"[axis]
-
-
-def figure(value: object) -> str:
-    """A number with four decimals at most, anything else as its text."""
-    return number(float(value), 4) if isinstance(value, int | float) else str(value)
+    return [(candidate, candidate is chosen) for candidate in order]

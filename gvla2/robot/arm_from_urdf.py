@@ -34,11 +34,13 @@ from gvla2.robot.looks import OWN_DEPTH, RobotLooks, link_surfaces
 from gvla2.robot.options import ArmConfig
 from gvla2.robot.urdf import find_file, freeze, read_urdf, without_looks
 
-NEAREST, FARTHEST, STEP, LOW, HIGH = 0.15, 1.4, 0.05, 0.04, 0.20
-"""Where pointing down is tested: range before the base, step, heights over the table; metres."""
+AHEAD, ABOVE, LOW = 0.45, (0.4, 0.3, 0.2), 0.04
+"""Where an unnamed home is: ahead of the base and over the table, in shares of the arm's reach, the first height at
+which the hand is clear. From there it must get down to ``LOW`` metres over the table.
+"""
 
-HOME_HEIGHTS = (0.55, 0.45, 0.35, 0.25)
-"""Heights over the middle of the working area, in shares of the arm's reach: home is at the first reachable one."""
+FAR = 1.5
+"""How far from the base the tool may go by default, metres."""
 
 LENGTHS = {"base_position": 3, "tool_rpy": 3, "table_size": 2}
 OPTIONAL = {
@@ -178,9 +180,8 @@ def _tool(
 def _at_home(config: ArmConfig, kinematics: Kinematics, collisions: CollisionModel, hand: Hand) -> ArmModel:
     """The arm with its home, given or found, clear of itself and of the table."""
     x, y, _ = config.base_position
-    far = FARTHEST + 0.1
-    low = np.array(config.workspace_low or (x - far, y - far, config.table_height))
-    high = np.array(config.workspace_high or (x + far, y + far, config.table_height + 1.0))
+    low = np.array(config.workspace_low or (x - FAR, y - FAR, config.table_height))
+    high = np.array(config.workspace_high or (x + FAR, y + FAR, config.table_height + 1.0))
 
     def at(home: FloatArray) -> ArmModel:
         return ArmModel(kinematics, collisions, hand=hand, home=home, workspace=Box(low, high))
@@ -206,61 +207,41 @@ def _at_home(config: ArmConfig, kinematics: Kinematics, collisions: CollisionMod
 
 
 def _find_home(config: ArmConfig, arm: ArmModel) -> FloatArray:
-    """Joints with the hand over the middle of the working area, pointing down, clear of everything.
+    """Joints with the hand pointing down over the working area, clear of everything.
 
-    The best are those from which the arm reaches, clear of the table and itself, most places of the site: planning
-    takes the joints nearest to home, so a home with its elbow down would keep it down.
+    They come from the easiest posture that has the hand near the table, clear of it: planning takes the joints nearest
+    to home, so a home with its elbow down would keep it down.
     """
-    scene, low_high = Scene((), config.table_height, arm.workspace), arm.limits
-    run = pointing_down(config, arm)
-    middle = 0.5 * (run[0] + run[-1])
-    places = [(run[i], y) for i in (0, len(run) // 2, -1) for y in (-0.2, 0.0, 0.2)]
+    scene, ahead = Scene((), config.table_height, arm.workspace), AHEAD * arm.ik.reach
 
     def clear(solution: IKSolution | None) -> bool:
         return solution is not None and arm.clearance(solution.joints, 1.0, scene).distance > 0.01
 
-    def worth(home: FloatArray, solution: IKSolution) -> float:
-        reached = sum(clear(arm.inverse(_down(config, x, LOW, 1.0, y), home)) for x, y in places)
-        ease = min(solution.limit_margin, 0.5) + solution.manipulability - 0.1 * float(np.abs(home).max())
-        return reached + ease
+    def unwound(joints: FloatArray) -> FloatArray:
+        """The same posture with each joint less than half a turn from zero, if its limits allow it."""
+        turned = joints - 2 * np.pi * np.round(joints / (2 * np.pi))
+        return np.where((turned > arm.limits[0]) & (turned < arm.limits[1]), turned, joints)
 
-    for height in (share * run[-1] for share in HOME_HEIGHTS):
-        found = []
-        for sign in (1.0, -1.0):
-            for solution in filter(clear, arm.ik.solutions(_down(config, middle, height, sign))):
-                # The same posture with each joint less than half a turn from zero, if its limits allow it.
-                turned = solution.joints - 2 * np.pi * np.round(solution.joints / (2 * np.pi))
-                within = (turned > low_high[0]) & (turned < low_high[1])
-                home = np.where(within, turned, solution.joints)
-                found.append((worth(home, solution), home))
-        if found:
-            return max(found, key=lambda pair: pair[0])[1]
+    def ease(found: tuple[float, IKSolution]) -> float:
+        twist = float(np.abs(unwound(found[1].joints)).max())
+        return min(found[1].limit_margin, 0.5) + found[1].manipulability - 0.1 * twist
+
+    poses = {sign: _down(config, ahead, LOW, sign) for sign in (1.0, -1.0)}
+    lows = [(sign, s) for sign, pose in poses.items() for s in arm.ik.solutions(pose) if clear(s)]
+    for sign, low in sorted(lows, key=ease, reverse=True):
+        for height in ABOVE:
+            found = arm.inverse(_down(config, ahead, height * arm.ik.reach, sign), unwound(low.joints))
+            if found is not None and clear(found):
+                return unwound(found.joints)
     raise RobotError(
-        f"No home is free of collisions {middle:.2f} m before the base, over the table, with the hand pointing down. "
-        "Give robot.home=[...] (radians), or robot.srdf with the pairs of links that may touch."
+        f"The hand of robot={config.name} cannot point down {ahead:.2f} m before its base, from the table up, clear of "
+        "everything: z of robot.tool_link, turned by robot.tool_rpy, must point out of the hand. Give robot.home=[...] "
+        "(radians), robot.base_position and table_height, or robot.srdf with the pairs of links that may touch."
     )
 
 
-def pointing_down(config: ArmConfig, arm: ArmModel) -> list[float]:
-    """Distances before the base, metres, at which the hand points down with ease near the table and above it."""
-
-    def easy(before: float, height: float) -> bool:
-        found = (arm.inverse(_down(config, before, height, sign)) for sign in (1.0, -1.0))
-        return any(s is not None and s.manipulability >= config.ease for s in found)
-
-    tried = np.arange(NEAREST, FARTHEST, STEP).tolist()
-    reached = [before for before in tried if easy(before, LOW) and easy(before, HIGH)]
-    if len(reached) < 2:
-        raise RobotError(
-            f"The hand of robot={config.name} points down at the table nowhere before its base: z of "
-            f"robot.tool_link={config.tool_link}, turned by robot.tool_rpy, must point out of the hand; else the table "
-            f"(robot.table_height={config.table_height}) is too low or too high for the base ({config.base_position})."
-        )
-    return reached
-
-
-def _down(config: ArmConfig, before: float, height: float, closing: float, beside: float = 0.0) -> FloatArray:
-    """world_from_tcp (4, 4), pointing down ``before`` and ``beside`` the base, ``height`` over the table."""
+def _down(config: ArmConfig, before: float, height: float, closing: float) -> FloatArray:
+    """world_from_tcp (4, 4), pointing down ``before`` the base and ``height`` over the table."""
     x, y, _ = config.base_position
     turn = grasp_rotation(np.array([0.0, 0.0, -1.0]), np.array([0.0, closing, 0.0]))
-    return rigid(turn, (x + before, y + beside, config.table_height + height))
+    return rigid(turn, (x + before, y, config.table_height + height))

@@ -90,7 +90,7 @@ class ArmModel:
         allowed_contacts: frozenset[str] = frozenset(),
         attached: Attachment | None = None,
     ) -> Clearance:
-        """Smallest distance of the arm to itself and the scene, metres; parts are the URDF's link names."""
+        """Smallest distance of the arm to itself and the scene, metres; links go by their URDF names."""
         checker = self.checker(scene, gripper, allowed_contacts, attached)
         return checker.clearance(np.asarray(joints, dtype=np.float64))
 

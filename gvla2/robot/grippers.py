@@ -22,7 +22,7 @@ TIP_BEYOND_TCP = 0.008
 """Default distance of the tool point from the fingertips' end, metres."""
 
 _PAD = 0.02
-"""The last part of a finger, metres, used to measure its thickness and the gap: it is wider above."""
+"""The end of a finger, metres, used to measure its thickness and the gap: it is wider above."""
 
 
 @dataclass(frozen=True)

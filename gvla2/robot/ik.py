@@ -1,8 +1,8 @@
 """Inverse kinematics: damped least squares in the tool frame, from deterministic starts; straight tool moves.
 
 A plan needs joints for hundreds of tool poses, each in dozens of steps on small matrices: the steps are compiled, which
-makes a plan twice as fast as pinocchio's Jacobians from Python. Products are written as loops, since BLAS costs more
-than the product of two matrices of this size.
+makes a plan twice as fast as pinocchio's Jacobians from Python. Loops are written out because array expressions
+(slices, sums, linear algebra) multiply numba's compile time and allocate in every step.
 """
 
 from __future__ import annotations
@@ -74,100 +74,178 @@ def chain_of(kinematics: Kinematics) -> Chain:
 
 @compiled
 def _product(one: FloatArray, other: FloatArray) -> FloatArray:
-    """The product of two small matrices."""
-    rows, inner, columns = one.shape[0], one.shape[1], other.shape[1]
-    product = np.zeros((rows, columns))
-    for i in range(rows):
-        for k in range(inner):
-            for j in range(columns):
+    """The product of two matrices (4, 4)."""
+    product = np.zeros((4, 4))
+    for i in range(4):
+        for k in range(4):
+            for j in range(4):
                 product[i, j] += one[i, k] * other[k, j]
     return product
 
 
 @compiled
-def _tool(chain: Chain, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """world_from_tool (4, 4) and its Jacobian (6, dof) in the tool frame, metres before radians."""
+def _tool(chain: Chain, joints: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """world_from_tool (4, 4); writes its Jacobian (6, dof) in the tool frame, metres before radians."""
     count = len(chain.column)
-    frames, pose = np.empty((count, 4, 4)), np.eye(4)
+    axes, hinges, pose = np.empty((count, 3)), np.empty((count, 3)), np.eye(4)
     for k in range(count):
         pose = _product(pose, chain.placements[k])
         value = joints[chain.column[k]]
         c, s = np.cos(value), np.sin(value)
         for i in range(3):
+            axes[k, i] = pose[i, 2]
             if chain.slides[k]:
                 pose[i, 3] += value * pose[i, 2]
             else:
                 x, y = pose[i, 0], pose[i, 1]
                 pose[i, 0], pose[i, 1] = c * x + s * y, c * y - s * x
-        frames[k] = pose
+            hinges[k, i] = pose[i, 3]
     pose = _product(pose, chain.placements[count])
-    jacobian = np.zeros((6, len(joints)))
+    for i in range(6):
+        for k in range(len(joints)):
+            jacobian[i, k] = 0.0
     for k in range(count):
-        frame, column = frames[k], chain.column[k]
+        column = chain.column[k]
         for j in range(3):
             m, n = (j + 1) % 3, (j + 2) % 3
-            lever_m, lever_n = pose[m, 3] - frame[m, 3], pose[n, 3] - frame[n, 3]
-            moves = frame[j, 2] if chain.slides[k] else frame[m, 2] * lever_n - frame[n, 2] * lever_m
+            spin, moves = axes[k, j], axes[k, m] * (pose[n, 3] - hinges[k, n])
+            moves -= axes[k, n] * (pose[m, 3] - hinges[k, m])
+            if chain.slides[k]:
+                spin, moves = 0.0, axes[k, j]
             for i in range(3):
                 jacobian[i, column] += pose[j, i] * moves
-                if not chain.slides[k]:
-                    jacobian[3 + i, column] += pose[j, i] * frame[j, 2]
-    return pose, jacobian
+                jacobian[3 + i, column] += pose[j, i] * spin
+    return pose
 
 
 @compiled
-def _error(pose: FloatArray, target: FloatArray) -> FloatArray:
-    """The motion (6,) from a pose (4, 4) to the target (4, 4) in the pose's frame: log(pose^-1 target)."""
-    turn = _product(pose[:3, :3].T, target[:3, :3])
-    shift = _product(pose[:3, :3].T, target[:3, 3:] - pose[:3, 3:])[:, 0]
-    # Through the quaternion (w, x, y, z) by its largest component: accurate for small turns and for half turns.
-    squares = np.array([
-        1.0 + turn[0, 0] + turn[1, 1] + turn[2, 2], 1.0 + turn[0, 0] - turn[1, 1] - turn[2, 2],
-        1.0 - turn[0, 0] + turn[1, 1] - turn[2, 2], 1.0 - turn[0, 0] - turn[1, 1] + turn[2, 2],
-    ])  # fmt: skip
-    q = np.empty(4)
-    largest = int(np.argmax(squares))
-    q[largest] = 0.5 * np.sqrt(squares[largest])
-    gain = 0.25 / q[largest]
+def _length(vector: FloatArray, first: int, last: int) -> float:
+    """The norm of the entries ``first`` to ``last`` - 1 of a vector (n,)."""
+    total = 0.0
+    for i in range(first, last):
+        total += vector[i] * vector[i]
+    return float(np.sqrt(total))
+
+
+@compiled
+def _solve(matrix: FloatArray, vector: FloatArray) -> float:
+    """Solves A x = b in place for a symmetric A (n, n): b (n,) becomes x, and A its Cholesky factor.
+
+    Returns the least pivot over the largest diagonal entry; 0 if A is not positive definite.
+    """
+    size, largest, least = len(vector), 0.0, np.inf
+    for k in range(size):
+        largest = max(largest, matrix[k, k])
+    for j in range(size):
+        pivot = matrix[j, j]
+        for k in range(j):
+            pivot -= matrix[j, k] * matrix[j, k]
+        least = min(least, pivot)
+        if not pivot > 0.0:
+            return 0.0
+        root = np.sqrt(pivot)
+        matrix[j, j] = root
+        for i in range(j + 1, size):
+            value = matrix[i, j]
+            for k in range(j):
+                value -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = value / root
+        for k in range(j):
+            vector[j] -= matrix[j, k] * vector[k]
+        vector[j] /= root
+    for j in range(size - 1, -1, -1):
+        for k in range(j + 1, size):
+            vector[j] -= matrix[k, j] * vector[k]
+        vector[j] /= matrix[j, j]
+    return float(least / largest)
+
+
+@compiled
+def _error(pose: FloatArray, target: FloatArray, twist: FloatArray) -> None:
+    """Writes the motion (6,) from a pose (4, 4) to the target (4, 4) in the pose's frame: log(pose^-1 target)."""
+    turn, shift, vector = np.zeros((3, 3)), np.zeros(3), np.empty(3)
     for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        if largest == 0:
-            q[1 + i] = gain * (turn[k, j] - turn[j, k])
-        elif largest == 1 + i:
-            q[0] = gain * (turn[k, j] - turn[j, k])
-            q[1 + j], q[1 + k] = gain * (turn[j, i] + turn[i, j]), gain * (turn[k, i] + turn[i, k])
-    if q[0] < 0.0:
-        q = -q
-    sine = np.sqrt(q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
-    angle = 2.0 * np.arctan2(sine, q[0])
-    spin = q[1:] * (2.0 if sine < 1e-12 else angle / sine)
+        for k in range(3):
+            for j in range(3):
+                turn[i, j] += pose[k, i] * target[k, j]
+            shift[i] += pose[k, i] * (target[k, 3] - pose[k, 3])
+    # Through a quaternion: accurate for small turns and for half turns. Its largest component is computed first.
+    trace, i = turn[0, 0] + turn[1, 1] + turn[2, 2], 0
+    for n in range(1, 3):
+        if turn[n, n] > turn[i, i]:
+            i = n
+    j, k = (i + 1) % 3, (i + 2) % 3
+    if trace > turn[i, i]:
+        real = 0.5 * np.sqrt(1.0 + trace)
+        vector[i] = (turn[k, j] - turn[j, k]) / (4.0 * real)
+        vector[j] = (turn[i, k] - turn[k, i]) / (4.0 * real)
+        vector[k] = (turn[j, i] - turn[i, j]) / (4.0 * real)
+    else:
+        vector[i] = 0.5 * np.sqrt(max(0.0, 1.0 + turn[i, i] - turn[j, j] - turn[k, k]))
+        vector[j] = (turn[j, i] + turn[i, j]) / (4.0 * vector[i])
+        vector[k] = (turn[k, i] + turn[i, k]) / (4.0 * vector[i])
+        real = (turn[k, j] - turn[j, k]) / (4.0 * vector[i])
+    sign = -1.0 if real < 0.0 else 1.0
+    real *= sign
+    sine = _length(vector, 0, 3)
+    angle = 2.0 * np.arctan2(sine, real)
+    gain = sign * (2.0 if sine < 1e-12 else angle / sine)
     if angle < 1e-4:
         share = 1.0 / 12.0 + angle * angle / 720.0
     else:
-        share = (1.0 - 0.5 * angle * q[0] / sine) / (angle * angle)
-    across = np.cross(spin, shift)
-    return np.concatenate((shift - 0.5 * across + share * np.cross(spin, across), spin))
+        share = (1.0 - 0.5 * angle * real / sine) / (angle * angle)
+    across = np.empty(3)
+    for n in range(3):
+        twist[3 + n] = gain * vector[n]
+    for n in range(3):
+        m, o = (n + 1) % 3, (n + 2) % 3
+        across[n] = twist[3 + m] * shift[o] - twist[3 + o] * shift[m]
+    for n in range(3):
+        m, o = (n + 1) % 3, (n + 2) % 3
+        twice = twist[3 + m] * across[o] - twist[3 + o] * across[m]
+        twist[n] = shift[n] - 0.5 * across[n] + share * twice
 
 
 @compiled
 def _margin(chain: Chain, joints: FloatArray) -> float:
     """Smallest distance to a joint limit, radians; negative outside."""
-    return float(min((joints - chain.low).min(), (chain.high - joints).min()))
+    least = np.inf
+    for k in range(len(joints)):
+        least = min(least, joints[k] - chain.low[k], chain.high[k] - joints[k])
+    return least
 
 
 @compiled
-def _from_limits(chain: Chain, joints: FloatArray, jacobian: FloatArray) -> FloatArray:
-    """A motion (dof,) of a redundant arm away from near limits that keeps the tool where it is; else zeros."""
-    push = np.zeros(len(joints))
-    if len(joints) <= 6 or _margin(chain, joints) > 2 * COMFORT:
-        return push
-    push += np.maximum(0.0, 2 * COMFORT - (joints - chain.low))
-    push -= np.maximum(0.0, 2 * COMFORT - (chain.high - joints))
-    gram = _product(jacobian, jacobian.T)
-    if np.linalg.det(gram) < 1e-12:  # the Jacobian's null space is ill-conditioned near a singularity
-        return np.zeros(len(joints))
-    rates = np.linalg.solve(gram, _product(jacobian, push.reshape((-1, 1))))
-    return push - _product(jacobian.T, rates)[:, 0]
+def _gram(jacobian: FloatArray) -> FloatArray:
+    """J J^T (6, 6) of a Jacobian."""
+    gram = np.zeros((6, 6))
+    for i in range(6):
+        for j in range(6):
+            for k in range(jacobian.shape[1]):
+                gram[i, j] += jacobian[i, k] * jacobian[j, k]
+    return gram
+
+
+@compiled
+def _go_away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float, step: FloatArray) -> None:
+    """Adds to ``step`` (dof,) of a redundant arm a motion away from near limits that keeps the tool where it is."""
+    dof = len(joints)
+    if dof <= 6 or _margin(chain, joints) > 2 * COMFORT:
+        return
+    push, rates = np.empty(dof), np.zeros(6)
+    for k in range(dof):
+        push[k] = max(0.0, 2 * COMFORT - (joints[k] - chain.low[k]))
+        push[k] -= max(0.0, 2 * COMFORT - (chain.high[k] - joints[k]))
+    # The push is projected onto the Jacobian's null space, which is ill-conditioned near a singularity.
+    for i in range(6):
+        for k in range(dof):
+            rates[i] += jacobian[i, k] * push[k]
+    if _solve(_gram(jacobian), rates) <= 1e-6:
+        return
+    for k in range(dof):
+        for i in range(6):
+            push[k] -= jacobian[i, k] * rates[i]
+        step[k] += gain * push[k]
 
 
 @compiled
@@ -179,27 +257,40 @@ def descend(
     Damped least squares with damping in proportion to the squared error (Sugihara 2011), clipped to the limits. A
     redundant arm also moves away from near limits in each step, with the gain ``away``.
     """
-    joints = np.minimum(np.maximum(start, chain.low), chain.high)
+    dof = len(start)
+    joints, step, normal = np.empty(dof), np.empty(dof), np.empty((dof, dof))
+    for k in range(dof):
+        joints[k] = min(max(start[k], chain.low[k]), chain.high[k])
+    jacobian, error = np.empty((6, dof)), np.empty(6)
     best, stalled = np.inf, 0
     for left in range(iterations, -1, -1):
-        pose, jacobian = _tool(chain, joints)
-        error = _error(pose, target)
-        squared = (error**2).sum()
+        _error(_tool(chain, joints, jacobian), target, error)
+        squared = _length(error, 0, 6) ** 2
         if squared < 1e-11:
             return True, joints
         stalled = 0 if squared < 0.9 * best else stalled + 1
         best = min(best, squared)
         if stalled > 6 or left == 0:
             break
-        normal = _product(jacobian.T, jacobian)
-        for k in range(len(joints)):
+        for k in range(dof):
+            step[k] = 0.0
+            for i in range(6):
+                step[k] += jacobian[i, k] * error[i]
+            for j in range(dof):
+                normal[k, j] = 0.0
+                for i in range(6):
+                    normal[k, j] += jacobian[i, k] * jacobian[i, j]
             normal[k, k] += 1e-2 * squared + 1e-9
-        step = np.linalg.solve(normal, _product(jacobian.T, error.reshape((6, 1))))[:, 0]
+        _solve(normal, step)
         if away > 0.0:
-            step += away * _from_limits(chain, joints, jacobian)
-        joints = joints + min(1.0, 0.6 / max(np.abs(step).max(), 1e-12)) * step
-        joints = np.minimum(np.maximum(joints, chain.low), chain.high)
-    shift, turn = np.sqrt((error[:3] ** 2).sum()), np.sqrt((error[3:] ** 2).sum())
+            _go_away(chain, joints, jacobian, away, step)
+        largest = 1e-12
+        for k in range(dof):
+            largest = max(largest, abs(step[k]))
+        for k in range(dof):
+            moved = joints[k] + min(1.0, 0.6 / largest) * step[k]
+            joints[k] = min(max(moved, chain.low[k]), chain.high[k])
+    shift, turn = _length(error, 0, 3), _length(error, 3, 6)
     return shift < 0.2 * POSITION_TOLERANCE and turn < 0.2 * ROTATION_TOLERANCE, joints
 
 
@@ -210,25 +301,35 @@ def settle(chain: Chain, start: FloatArray, target: FloatArray) -> tuple[bool, F
     Returns whether it was reached, and joints (dof,) with their distance to the nearest limit and Yoshikawa's
     manipulability sqrt(det(J J^T)).
     """
-    reached, best = descend(chain, start, target, 40, 0.0)
-    margin = _margin(chain, best)
-    for _ in range(10):
-        if not reached or len(best) <= 6 or margin >= COMFORT:
+    jacobian = np.empty((6, len(start)))
+    reached, best, margin = False, start, -np.inf
+    for k in range(11):
+        settled, joints = descend(chain, start, target, 6 if k else 40, 0.0)
+        if k == 0:
+            reached, best, margin = settled, joints, _margin(chain, joints)
+        elif settled and _margin(chain, joints) >= margin + 1e-3:
+            best, margin = joints, _margin(chain, joints)
+        else:
             break
-        jacobian = _tool(chain, best)[1]
-        settled, joints = descend(chain, best + 0.5 * _from_limits(chain, best, jacobian), target, 6, 0.0)
-        if not settled or _margin(chain, joints) < margin + 1e-3:
+        if not reached or len(best) <= 6 or (k == 0 and margin >= COMFORT):
             break
-        best, margin = joints, _margin(chain, joints)
-    jacobian = _tool(chain, best)[1]
-    return reached, best, margin, np.sqrt(max(0.0, np.linalg.det(_product(jacobian, jacobian.T))))
+        _tool(chain, best, jacobian)
+        start = best.copy()
+        _go_away(chain, best, jacobian, 0.5, start)
+    _tool(chain, best, jacobian)
+    gram, volume = _gram(jacobian), 1.0
+    if _solve(gram, np.zeros(6)) == 0.0:
+        volume = 0.0
+    for i in range(6):
+        volume *= gram[i, i]  # the factor's diagonal
+    return reached, best, margin, volume
 
 
 class InverseKinematics:
     """Finds joints for tool poses.
 
     The starts are ``near``, ``home``, and the members of a seeded library of configurations whose tool poses are
-    nearest to the target: results are reproducible.
+    nearest to the target: results are reproducible. ``reach`` is the farthest of these from the base, metres.
     """
 
     def __init__(self, kinematics: Kinematics, home: FloatArray) -> None:
@@ -239,8 +340,12 @@ class InverseKinematics:
         self._library = rng.uniform(low + spread, high - spread, (_LIBRARY, kinematics.dof))
         poses = np.array([kinematics.forward(row) for row in self._library])  # (L, 4, 4)
         self._positions, self._rotations = poses[:, :3, 3], poses[:, :3, :3]
-        jacobians = (_tool(self._chain, row)[1] for row in self._library[:_SAMPLED])
-        self._best = max(np.sqrt(max(0.0, np.linalg.det(j @ j.T))) for j in jacobians)
+        self.reach = float(np.linalg.norm(self._positions - kinematics.world_from_base[:3, 3], axis=1).max())
+        self._best, jacobian = 0.0, np.empty((6, kinematics.dof))
+        for row in self._library[:_SAMPLED]:
+            _tool(self._chain, row, jacobian)
+            volume = np.sqrt(max(0.0, np.linalg.det(jacobian @ jacobian.T)))
+            self._best = max(self._best, float(volume))
 
     def solve(self, world_from_tcp: FloatArray, near: FloatArray | None = None) -> IKSolution | None:
         """The solution nearest to ``near`` (home by default), away from joint limits; None if none is found."""

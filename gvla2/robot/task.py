@@ -78,7 +78,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Thread:
-    """A screwed part: ``child`` can only turn about ``axis``, and comes loose once it has been turned far enough.
+    """A screwed body: ``child`` can only turn about ``axis``, and comes loose once it has been turned far enough.
 
     ``axis`` (3,) unit and ``origin`` (3,), world frame at reset; a positive turn is the right hand's. ``limits`` are
     the turns that the thread allows and ``release`` the turn, either way, at which it comes loose; radians, less than a

@@ -10,7 +10,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, look_along, rigid
-from gvla2.robot.arm_from_urdf import STEP, UrdfArm, arm_from_urdf, pointing_down
+from gvla2.robot.arm_from_urdf import AHEAD, UrdfArm, arm_from_urdf
 from gvla2.robot.options import WorkcellConfig
 from gvla2.robot.task import Body, Primitive
 
@@ -76,14 +76,10 @@ def make_cell(config: WorkcellConfig) -> Workcell:
         raise ConfigurationError(
             f"robot.camera_poses needs six numbers for each camera, unlike {', '.join(bad)}."
         )
-    made, reach, height = arm_from_urdf(config), config.reach or np.inf, config.table_height
-    centre, size = tuple(config.site_centre), tuple(config.site_size)
-    if not (centre and size):
-        x, y, _ = config.base_position
-        run = pointing_down(config, made.arm)
-        centre = centre or (x + 0.5 * (run[0] + run[-1]), y)
-        size = size or (min(run[-1] - run[0], SEEN[0]), min(1.1 * run[-1], SEEN[1]))
-        reach = min(reach, run[-1] + STEP)
+    made, height = arm_from_urdf(config), config.table_height
+    reach, (x, y, _) = made.arm.ik.reach, config.base_position
+    centre = config.site_centre or (x + AHEAD * reach, y)
+    size = config.site_size or (min(0.6 * reach, SEEN[0]), min(0.75 * reach, SEEN[1]))
     fixed = config.camera_poses or {
         name: [p[0] + centre[0], p[1] + centre[1], p[2] + height, *p[3:]] for name, p in CAMERAS.items()
     }
@@ -95,5 +91,5 @@ def make_cell(config: WorkcellConfig) -> Workcell:
         site_centre=(centre[0], centre[1]),
         site_size=(size[0], size[1]),
         fixed=fixed,
-        reach=reach,
+        reach=config.reach or np.inf,
     )

@@ -141,19 +141,19 @@ def _five_records() -> tuple[Candidates, NDArray[np.float32]]:
     table = np.random.default_rng(5).normal(size=(6, 16)).astype(np.float32)
     table[[0, 1]] = table[5] + 0.1 * table[[0, 1]]
     table /= np.linalg.norm(table, axis=1, keepdims=True)
+    contents = (
+        "grasp the cube deep",
+        "lift the red cube slowly",
+        "push the block",
+        "press the button",
+        "grasp deeper",
+    )
     return candidates(
-        [
-            "grasp the cube deep and lift it 0.25 m",
-            "lift the red cube slowly",
-            "push the block with closed fingers",
-            "press the lamp's button",
-            "the fingers slipped off the cube: grasp deeper",
-        ],
+        contents,
         queries=["lift the cube", "lift the red cube", "push the block", "switch it on", "lift the cube"],
         vectors=table[:5],
         confidence=[0.9, 0.95, 0.8, 0.3, 0.7],
         outcome=[*["verified_success"] * 3, "uncertain", "verified_fail"],
-        type=[*["procedural_hint"] * 4, "failure_avoidance"],
         ages=[0.0, 1.0, 2.0, 300.0, 5.0],
         conflicts=[0, 0, 1, 4, 0],
         signature=[{"theme.width": 0.05}, {"theme.width": 0.052}, {}, {}, {"theme.width": 0.047}],

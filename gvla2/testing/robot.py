@@ -181,11 +181,9 @@ def _near_goal(robot: RobotBackend, seen: Observation) -> FloatArray | None:
 def check_camera(camera: DepthCamera) -> None:
     """Frames are RGB-D in metres, rigidly placed, timestamped, and new for each call; closing twice is allowed."""
     require_members(camera, "camera")
-    with allowed("observe()"):
-        first = camera.observe(np.eye(4))
-    with allowed("observe() without the tool's pose"):
-        second = camera.observe()
-    for frames in (first, second):
+    with allowed("observe(), with and without the tool's pose"):
+        both = camera.observe(np.eye(4)), camera.observe()
+    for frames in both:
         require_type(frames, CameraFrames, "observe()")
         for view, stamp in zip(frames.views, frames.timestamps, strict=True):
             require_rigid(view.camera.world_from_camera, f"The pose of the view '{view.name}'")
@@ -195,6 +193,7 @@ def check_camera(camera: DepthCamera) -> None:
             metres = bool((known > 0).all() and (known < 100).all())
             require(metres, f"The depth of '{view.name}' is not in metres: values outside (0, 100).")
             require(bool(np.isfinite(stamp)) and stamp > 0, f"The timestamp of '{view.name}' is {stamp}.")
+    first, second = both
     same = [view.name for view in first.views] == [view.name for view in second.views]
     require(same, "Two observations must have the same views in the same order.")
     later = all(b >= a for a, b in zip(first.timestamps, second.timestamps, strict=True))

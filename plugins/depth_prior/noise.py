@@ -82,7 +82,7 @@ def _blurred(depth: FloatArray, sigma: float) -> FloatArray:
 
 
 def _ramp(known: NDArray[np.bool_], angle: float) -> FloatArray:
-    """From -1 to 1 across the object along a direction, 0 at its middle."""
+    """A ramp from -1 to 1 across the object along a direction, 0 at its middle."""
     rows, columns = np.nonzero(known)
     y, x = np.mgrid[: known.shape[0], : known.shape[1]]
     along = (x - columns.mean()) * np.cos(angle) + (y - rows.mean()) * np.sin(angle)

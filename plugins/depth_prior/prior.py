@@ -82,7 +82,7 @@ class DepthPrior:
 
 
 def _continues(depth: NDArray[np.float32], core: NDArray[np.bool_], focal: float) -> NDArray[np.bool_]:
-    """Where the depth continues from the nearest core pixel without a jump (H, W)."""
+    """Pixels (H, W) whose depth continues from the nearest core pixel without a jump."""
     if not core.any():
         return np.zeros_like(core)
     apart, nearest = distance_transform_edt(~core, return_indices=True)

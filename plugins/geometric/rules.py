@@ -64,10 +64,9 @@ def _meant_another(case: Case) -> str:
 
     If a handled object has one of the named colours, another may be a landmark's.
     """
-    handled: set[str] = set()
-    for obj in filter(None, map(case.seen, case.evidence.plan.roles.values())):
-        kin = (obj, case.seen(obj.parent), *case.before.parts_of(obj.id))
-        handled |= {o.colour for o in kin if o is not None}
+    objects = [o for o in map(case.seen, case.evidence.plan.roles.values()) if o is not None]
+    ids = {o.parent for o in objects}.union(*(case.before.family(o.id) for o in objects))
+    handled = {o.colour for o in case.before.objects if o.id in ids}
     named = set(re.findall(r"\w+", case.evidence.instruction.casefold()))
     named &= {o.colour for o in case.before.objects} - {""}
     return "" if named & handled else min(named, default="")
@@ -106,10 +105,9 @@ def _pick(case: Case) -> Score:
 
 def _holder(case: Case, theme: SceneObject) -> SceneObject | None:
     """The holder that the theme stood in: around the theme's foot, and lower than its top."""
-    own = {theme.id, theme.parent, *(p.id for p in case.before.parts_of(theme.id))}
     around = (
         o
-        for o in case.before.obstacles(frozenset(own - {""}))
+        for o in case.before.obstacles(case.before.family(theme.id) | {theme.parent})
         if o.bottom < theme.bottom + IN_IT < o.top < theme.top and outside_footprint(theme.centre, o) == 0.0
     )
     return next(around, None)
@@ -157,20 +155,17 @@ def _place(case: Case) -> Score:
     several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
     if not several:
         return _placed(case, case.handled(), case.role("goal"))
-    scores, unknown = [], None
+    worst, unknown = Score(1.0, f"All {len(several)} objects are at their targets."), None
     for name in sorted(several):
         try:
             theme = case.handled(name)
             found = _placed(case, theme, case.role(name.replace("theme", "goal")) or _under(case, theme))
+            worst = min(worst, found, key=lambda one: one.score or 0.0)
         except InconclusiveError as error:
-            unknown = unknown or error
-            continue
-        if (found.score or 0.0) < 0.5:
-            return found  # one clear failure decides; else one unknown makes the whole unknown
-        scores.append(found.score or 0.0)
-    if unknown is not None:
-        raise unknown
-    return Score(min(scores), f"All {len(scores)} objects are at their targets.")
+            unknown = error
+    if unknown is not None and (worst.score or 0.0) >= 0.5:
+        raise unknown  # one clear failure decides; else one unknown makes the whole unknown
+    return worst
 
 
 def _placed(case: Case, theme: SceneObject, goal: SceneObject | None) -> Score:
@@ -203,17 +198,16 @@ def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> Score:
     """An object seen as one with its container, as for equal colours: it is gone from its place, and where the hand
     released it, the goal is higher than before by most of the object's height.
     """
-    spot, unknown = _let_go(case, theme), InconclusiveError(f"{theme.label} was not seen again.")
-    if spot is None or outside_footprint(spot, case.goal_now(goal)) > 0.0 or goal.shape == "region":
-        raise unknown
-    if case.still_there(theme):
-        return Score(0.2, f"Something is still where {theme.label} was.")
-    about = 0.5 * float(theme.extents[:2].max())
-    was = _height(case.before, spot, about, frozenset({theme.id}))
-    grown = _height(case.after, spot, about, frozenset()) - max(was, goal.bottom)
-    if grown < LEAST_GROWN * (theme.top - theme.bottom):
-        raise unknown
-    return Score(0.85, f"{theme.label} is gone from its place, and {goal.label} is higher where it was put.")
+    spot = _let_go(case, theme)
+    if spot is not None and outside_footprint(spot, case.goal_now(goal)) == 0.0 and goal.shape != "region":
+        if case.still_there(theme):
+            return Score(0.2, f"Something is still where {theme.label} was.")
+        about = 0.5 * float(theme.extents[:2].max())
+        was = _height(case.before, spot, about, frozenset({theme.id}))
+        grown = _height(case.after, spot, about, frozenset()) - max(was, goal.bottom)
+        if grown >= LEAST_GROWN * (theme.top - theme.bottom):
+            return Score(0.85, f"{theme.label} is gone, and {goal.label} is higher where it was put.")
+    raise InconclusiveError(f"{theme.label} was not seen again.")
 
 
 def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -> float:
@@ -282,9 +276,10 @@ def _closed(case: Case) -> Score:
     aside = level_gap(later.centre, under.centre) > 0.25 * float(under.extents[:2].min())
     if aside or later.bottom < under.centre[2]:
         return Score(0.1, f"{lid.label} lies flat, but not on {under.label}.")
-    if box is not None and later.bottom > box.top + ON_TOP:
-        return Score(0.3, f"{lid.label} does not lie on {under.label}.")
-    return Score(1.0, f"{lid.label} lies flat on {under.label}.")
+    flat = box is None or later.bottom <= box.top + ON_TOP
+    return Score(
+        1.0 if flat else 0.3, f"{lid.label} {'lies flat' if flat else 'does not lie'} on {under.label}."
+    )
 
 
 def _lid(case: Case) -> tuple[SceneObject, SceneObject | None, SceneObject | None, SceneObject | None]:

@@ -117,7 +117,7 @@ def _execution_validity(case: Case) -> Score:
 
 
 def _generalizability(case: Case) -> Score:
-    """How little was luck: confident perception of the handled objects and no fallback planner."""
+    """Least confidence in the handled objects, less .2 for a plan by the fallback planner."""
     plan = case.evidence.plan
     sure = min((o.confidence for o in map(case.seen, plan.roles.values()) if o is not None), default=0.5)
     return Score(float(np.clip(sure - 0.2 * bool(plan.fallback), 0.0, 1.0)), "")

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.errors import Gvla2Error
+from gvla2.memory.contracts import Learned, MemoryContext
 from gvla2.memory.options import BankOptions
 
 if TYPE_CHECKING:
-    from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
+    from gvla2.memory.bank import KnowledgeBank
+    from gvla2.memory.contracts import (
+        Embedder,
+        Inducer,
+        Judge,
+        Memory,
+        MemoryEpisode,
+        MemoryTask,
+        Retriever,
+        Verdict,
+        Verifier,
+    )
 
 
 @dataclass
@@ -27,6 +41,54 @@ class GovernedConfig(BankOptions, ComponentConfig):
     busy_seconds: float = 5.0
 
 
+class GovernedMemory:
+    """A :class:`KnowledgeBank` that opens on first use and answers "degraded" if the bank raises.
+
+    An invalid address or name of a bank raises :class:`~gvla2.errors.ConfigurationError` immediately. An unavailable
+    database is tried again at the next call.
+    """
+
+    def __init__(self, config: GovernedConfig, **components: Any) -> None:
+        from gvla2.memory.store import check_bank, resolved_address
+
+        # Absolute from the start: a run may change its working directory later.
+        self.url = resolved_address(config.url, os.environ)
+        check_bank(config.bank)
+        config.check("memory")
+        self._config, self._components = config, components
+        self._opened: KnowledgeBank | None = None
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """Knowledge for the task; an empty context that says why when the bank cannot be used."""
+        try:
+            return self._bank().recall(task)
+        except Gvla2Error as error:
+            return MemoryContext(degraded=str(error))
+
+    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
+        """Store what the episode teaches, all of it or nothing; says why when the bank cannot be used."""
+        try:
+            return self._bank().learn(episode, verdict)
+        except Gvla2Error as error:
+            return Learned(degraded=str(error))
+
+    def close(self) -> None:
+        """Release the database; safe to call twice."""
+        if self._opened is not None:
+            self._opened.close()
+            self._opened = None
+
+    def _bank(self) -> KnowledgeBank:
+        from gvla2.memory.bank import KnowledgeBank
+
+        if self._opened is None:
+            config, more = self._config, self._components
+            self._opened = KnowledgeBank(
+                self.url, bank=config.bank, options=config, busy_seconds=config.busy_seconds, **more
+            )
+        return self._opened
+
+
 def _build(
     config: GovernedConfig,
     retriever: Retriever,
@@ -36,19 +98,12 @@ def _build(
     judge: Judge | None = None,
 ) -> Memory:
     """Verified lessons with quality, confidence and lifecycle, in a database; hints and binding constraints."""
-    from gvla2_plugins.governed.memory import GovernedMemory
-
-    return GovernedMemory(config, retriever, embedder, verifier, inducer, judge)
+    components = {"verifier": verifier, "inducer": inducer, "judge": judge}
+    return GovernedMemory(config, retriever=retriever, embedder=embedder, **components)
 
 
 @hookimpl
 def gvla2_memories() -> list[Component[Memory]]:
     """The one memory of this plugin."""
-    return [
-        Component(
-            "governed",
-            GovernedConfig,
-            _build,
-            needs=("retriever", "embedder", "verifier", "inducer", "judge"),
-        )
-    ]
+    needs = ("retriever", "embedder", "verifier", "inducer", "judge")
+    return [Component("governed", GovernedConfig, _build, needs=needs)]

@@ -17,13 +17,11 @@ class LlmJudgeConfig(ComponentConfig):
     """Options of the ``llm`` judge, which asks the run's ``language``.
 
     Above ``contradicts`` two lessons contradict each other, below ``agrees`` they do not; in between the pair stays
-    open. With ``both_ways`` each pair is asked in both orders, and the mean counts: models prefer what they read
-    first.
+    open. Each pair is asked in both orders, and the mean counts: models prefer what they read first.
     """
 
     contradicts: float = 0.7
     agrees: float = 0.35
-    both_ways: bool = True
 
 
 def _build_llm(config: LlmJudgeConfig, language: LanguageModel) -> Judge:
@@ -36,6 +34,4 @@ def _build_llm(config: LlmJudgeConfig, language: LanguageModel) -> Judge:
 @hookimpl
 def gvla2_judges() -> list[Component[Judge]]:
     """``judge=llm``."""
-    return [
-        Component("llm", LlmJudgeConfig, _build_llm, needs=("language",)),
-    ]
+    return [Component("llm", LlmJudgeConfig, _build_llm, needs=("language",))]

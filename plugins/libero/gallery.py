@@ -1,8 +1,9 @@
-"""The known objects of LIBERO as a gallery: a GLB file each, in metres, named as the suites name them."""
+"""The known objects of LIBERO as a gallery: a GLB or URDF file each, in metres, named as the suites name them."""
 
 from __future__ import annotations
 
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,11 @@ import trimesh
 from PIL import Image
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.mesh_files import to_y_up
 from gvla2.geometry.transform import rigid, transform_points
-from gvla2.robot.mujoco.description import mesh_of
+from gvla2.io.files import write_whole
+from gvla2.robot.mujoco.description import mesh_of, primitive
 from gvla2.robot.mujoco.stepping import DRAWN, silent
+from gvla2.robot.mujoco.truth import model_joint, moving_body, part_label
 from gvla2_plugins.libero.worlds import Sentences, import_benchmark
 
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
@@ -26,9 +28,10 @@ TEXTURE = 512
 
 
 def write_gallery(folder: Path, suites: Sequence[str] = SUITES) -> list[str]:
-    """Write the rigid objects that the suites' tasks name, from the package's meshes; returns their names.
+    """Write the objects and fixtures that the suites' tasks name, from the package's meshes; returns their names.
 
-    Fixtures with joints (cabinets, stoves) are left out. Raises :class:`ConfigurationError` for an unknown suite.
+    A rigid one is NAME.glb, one with joints NAME.urdf with a mesh for each link in the folder NAME. Raises
+    :class:`ConfigurationError` for an unknown suite.
     """
     benchmark = import_benchmark()
     unknown = [suite for suite in suites if suite not in benchmark.task_maps]
@@ -39,15 +42,11 @@ def write_gallery(folder: Path, suites: Sequence[str] = SUITES) -> list[str]:
     with silent():
         from libero.libero.envs.objects import OBJECTS_DICT
     files = [file for task, file in Sentences().files.items() if task.partition("/")[0] in suites]
-    named = {name for file in files for name in _categories(file.read_text())}
-    written = []
-    for name in sorted(named & OBJECTS_DICT.keys()):
-        made = _scene(Path(OBJECTS_DICT[name](name=name).file))
-        if made is not None:
-            folder.mkdir(parents=True, exist_ok=True)
-            made.export(folder / f"{name}.glb")
-            written.append(name)
-    return written
+    named = {name for file in files for name in _categories(file.read_text())} & OBJECTS_DICT.keys()
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in sorted(named):
+        _write(folder, name, _compiled(OBJECTS_DICT[name](name=name)))
+    return sorted(named)
 
 
 def _categories(bddl: str) -> set[str]:
@@ -56,31 +55,86 @@ def _categories(bddl: str) -> set[str]:
     return {category for block in blocks for category in re.findall(r"-\s+(\w+)", block)}
 
 
-def _scene(file: Path) -> Any:
-    """What is drawn of a rigid object, Y up as GLB has it; None for one with joints or that only LIBERO can load."""
+def _compiled(obj: Any) -> Any:
+    """The model of an empty world with the object in it."""
+    import mujoco
+    from robosuite.models import MujocoWorldBase
+
+    world = MujocoWorldBase()
+    world.merge_assets(obj)
+    world.worldbody.append(obj.get_obj())
+    return mujoco.MjModel.from_xml_string(world.get_xml())
+
+
+def _write(folder: Path, name: str, model: Any) -> None:
+    """The object's files: one scene of all that is drawn, or a URDF of what moves on joints of its own."""
     import mujoco
 
-    try:
-        model = mujoco.MjModel.from_xml_path(str(file))
-    except ValueError:
-        return None
-    if model.njnt:
-        return None
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    scene = trimesh.Scene()
+    drawn: dict[int, list[Any]] = {}
     for geom in range(model.ngeom):
-        if model.geom_group[geom] in DRAWN and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        if model.geom_group[geom] in DRAWN and model.geom_rgba[geom][3] > 0:
             pose = rigid(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
-            scene.add_geometry(_painted(model, geom, pose))
-    return scene if scene.geometry else None
+            owner = moving_body(model, int(model.geom_bodyid[geom]))
+            drawn.setdefault(owner, []).append(_painted(model, geom, pose))
+    root = int(model.body_rootid[model.nbody - 1])
+    if set(drawn) == {root}:
+        scene = trimesh.Scene(drawn[root])
+        scene.apply_transform(rigid(_TURN))
+        scene.export(folder / f"{name}.glb")
+        return
+    robot = ET.Element("robot", name=name)
+    for owner in sorted({root, *drawn}):
+        label = "base" if owner == root else _link_name(model, data, owner, name, drawn[owner])
+        link = ET.SubElement(robot, "link", name=label)
+        origin = np.zeros(3) if owner == root else data.xanchor[model.body_jntadr[owner]]
+        for number, mesh in enumerate(drawn.get(owner, [])):
+            file = folder / name / f"{label}_{number}" / "mesh.obj"
+            file.parent.mkdir(parents=True, exist_ok=True)
+            mesh.apply_translation(-origin)
+            mesh.export(file)
+            shape = ET.SubElement(ET.SubElement(link, "visual"), "geometry")
+            ET.SubElement(shape, "mesh", filename=file.relative_to(folder).as_posix())
+        if owner != root:
+            _write_joint(robot, label, model, data, int(model.body_jntadr[owner]))
+    ET.indent(robot)
+    write_whole(folder / f"{name}.urdf", ET.tostring(robot))
+
+
+_TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""(3, 3) from our frame to that of GLB, Y up."""
+
+
+def _link_name(model: Any, data: Any, body: int, whole: str, meshes: Sequence[Any]) -> str:
+    joint = model_joint(model, data, int(model.body_jntadr[body]))
+    points = np.concatenate([mesh.vertices for mesh in meshes])
+    return part_label(model.body(body).name, whole.split("_"), joint, points).replace(" ", "_")
+
+
+def _write_joint(robot: ET.Element, link: str, model: Any, data: Any, joint: int) -> None:
+    import mujoco
+
+    slides = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+    element = ET.SubElement(robot, "joint", name=f"{link}_joint", type="prismatic" if slides else "revolute")
+    ET.SubElement(element, "parent", link="base")
+    ET.SubElement(element, "child", link=link)
+    ET.SubElement(element, "origin", xyz=_text(data.xanchor[joint]))
+    ET.SubElement(element, "axis", xyz=_text(data.xaxis[joint]))
+    low, high = (f"{value:.6g}" for value in model.jnt_range[joint])
+    ET.SubElement(element, "limit", lower=low, upper=high, effort="100", velocity="1")
+
+
+def _text(numbers: Any) -> str:
+    return " ".join(f"{value:.6g}" for value in numbers)
 
 
 def _painted(model: Any, geom: int, pose: np.ndarray) -> Any:
-    mesh = int(model.geom_dataid[geom])
-    vertices, faces = mesh_of(model, mesh)
+    """The mesh of a geom, world, with its texture; a primitive has its material's mean colour."""
+    import mujoco
+
     material, image = int(model.geom_matid[geom]), None
-    rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
+    rgba = np.array(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material])
     texture = -1 if material < 0 else int(np.ravel(model.mat_texid[material]).max())
     if texture >= 0:
         size = int(model.tex_height[texture]), int(model.tex_width[texture]), int(model.tex_nchannel[texture])
@@ -88,9 +142,15 @@ def _painted(model: Any, geom: int, pose: np.ndarray) -> Any:
         pixels = np.asarray(model.tex_data[first : first + np.prod(size)]).reshape(size)
         image = Image.fromarray(pixels[..., :3])
         image.thumbnail((TEXTURE, TEXTURE))
-    paint = trimesh.visual.material.PBRMaterial(
-        baseColorTexture=image, baseColorFactor=np.rint(255 * np.array([*rgba[:3], 1.0])).astype(np.uint8)
-    )
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+        made = primitive(model, geom)
+        if image is not None:
+            rgba[:3] *= np.asarray(image).reshape(-1, 3).mean(axis=0) / 255
+        made.apply_transform(pose)
+        made.visual = trimesh.visual.TextureVisuals(material=_paint(None, rgba))
+        return made
+    mesh = int(model.geom_dataid[geom])
+    vertices, faces = mesh_of(model, mesh)
     corners = faces.ravel()
     uv = None
     if image is not None and model.mesh_texcoordnum[mesh] > 0:
@@ -101,8 +161,14 @@ def _painted(model: Any, geom: int, pose: np.ndarray) -> Any:
             1,
         ]
     return trimesh.Trimesh(
-        to_y_up(transform_points(pose, vertices[corners])),
+        transform_points(pose, vertices[corners]),
         np.arange(len(corners)).reshape(-1, 3),
-        visual=trimesh.visual.TextureVisuals(uv=uv, material=paint),
+        visual=trimesh.visual.TextureVisuals(uv=uv, material=_paint(image, rgba)),
         process=False,
+    )
+
+
+def _paint(image: Any, rgba: np.ndarray) -> Any:
+    return trimesh.visual.material.PBRMaterial(
+        baseColorTexture=image, baseColorFactor=np.rint(255 * np.array([*rgba[:3], 1.0])).astype(np.uint8)
     )

@@ -21,7 +21,7 @@ class VectorStoreConfig(ComponentConfig):
     """Options common to all of them.
 
     ``url`` is a database address, "" the default one; ``bank`` names the bank in it; ``busy_seconds`` is how long to
-    wait for other processes; ``top_k`` is the number of recalled entries; ``frozen`` recalls and learns nothing;
+    wait for other processes; ``top_k`` is the number of recalled entries (lessons, workflows, tasks, trajectories);
     ``max_chars`` bounds the text given to a planner.
     """
 
@@ -29,20 +29,18 @@ class VectorStoreConfig(ComponentConfig):
     bank: str = "default"
     busy_seconds: float = 5.0
     top_k: int = 3
-    frozen: bool = False
     max_chars: int = 4000
 
     def __post_init__(self) -> None:
-        if self.top_k < 1 or self.max_chars < 200 or not self.bank:
+        if self.top_k < 1 or self.max_chars < 200:
             raise ConfigurationError(
-                f"A memory needs a bank, top_k >= 1 and max_chars >= 200; got bank='{self.bank}', "
-                f"top_k={self.top_k}, max_chars={self.max_chars}."
+                f"A memory needs top_k >= 1 and max_chars >= 200, not {self.top_k} and {self.max_chars}."
             )
 
 
 @dataclass(kw_only=True)
 class SemanticMemoryConfig(VectorStoreConfig):
-    """Options of the ``semantic`` memory, an entry of which is a lesson."""
+    """Options of the ``semantic`` memory."""
 
     bank: str = "semantic"
     top_k: int = 6
@@ -61,7 +59,6 @@ class AwmConfig(VectorStoreConfig):
     """Options of the ``awm`` memory: ``fewest_steps`` is the minimum number of steps of a workflow."""
 
     bank: str = "awm"
-    top_k: int = 3
     max_chars: int = 6000
     fewest_steps: int = 2
 
@@ -79,7 +76,6 @@ class ReasoningBankConfig(VectorStoreConfig):
 
     bank: str = "reasoning_bank"
     top_k: int = 1
-    max_chars: int = 4000
     most_items: int = 3
 
 
@@ -94,10 +90,9 @@ def _build_reasoning_bank(
 
 @dataclass(kw_only=True)
 class SynapseConfig(VectorStoreConfig):
-    """Options of the ``synapse`` memory, an entry of which is a trajectory."""
+    """Options of the ``synapse`` memory."""
 
     bank: str = "synapse"
-    top_k: int = 3
     max_chars: int = 12000
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import groupby
-from typing import Any, Protocol
+from typing import Protocol
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import (
@@ -25,7 +25,7 @@ from gvla2.memory.contracts import (
 from gvla2.memory.induction import MOST_ACTS, acts_of
 from gvla2.memory.records import Record
 from gvla2.memory.rendering import CLOSING, OPENING, effect_words, neutralised, render
-from gvla2.memory.store import Store, check_bank, settled
+from gvla2.memory.store import Store, check_bank, resolved_address
 from gvla2_plugins.memory_baselines import VectorStoreConfig
 from gvla2_plugins.memory_baselines.store import Draft, Found, VectorStore
 
@@ -72,7 +72,7 @@ class WholeMethod:
         inducer: Inducer | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self.url = settled(config.url, os.environ)
+        self.url = resolved_address(config.url, os.environ)
         check_bank(config.bank)
         self._config, self._method, self._embedder = config, method, embedder
         self._inducer, self._clock = inducer, clock
@@ -92,9 +92,6 @@ class WholeMethod:
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
         """Store what the method learns from the episode (its lessons, or those of an inducer), all of it or nothing."""
-        if self._config.frozen:
-            notes = ("The memory is frozen: nothing was learned.",)
-            return Learned(discarded=len(episode.lessons), notes=notes)
         if self._inducer is not None:
             episode = replace(episode, lessons=self._inducer.induce(episode, verdict))
         drafts, why = self._method.drafts(episode, verdict)
@@ -105,10 +102,6 @@ class WholeMethod:
         except Gvla2Error as error:
             return Learned(degraded=str(error))
         return Learned(added=tuple(added), merged=tuple(grown))
-
-    def stats(self) -> dict[str, Any]:
-        """Numbers about the bank, see :meth:`Store.stats`; raises Gvla2Error when it cannot be used."""
-        return self._open().store.stats(self._config.bank)
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
@@ -140,9 +133,6 @@ def _item(record: Record, similarity: float) -> MemoryItem:
         binding=record.type == "failure_avoidance",
         effect=record.effect_json(),
     )
-
-
-# Methods ------------------------------------------------------------------------------------------------------------
 
 
 class Semantic:
@@ -243,9 +233,9 @@ class Strategies:
 
 
 def item_of(content: str) -> str:
-    """A lesson as an item: title (what it is about), description (its first sentence) and content.
+    """A lesson as an item: title (what it is about), description (its first sentence) and content, a line each.
 
-    The three are in one text, a line each; repetitions of the line above are left out.
+    Repetitions of the line above are left out.
     """
     flat = " ".join(content.split())
     subject, colon, _ = flat.partition(": ")
@@ -270,9 +260,6 @@ def _from_transcript(episode: MemoryEpisode, *, failed: bool) -> list[Lesson]:
     return [Lesson("procedural_hint", f"{goal}: these steps succeeded. {'; '.join(steps[:12])}.")]
 
 
-# Steps of a transcript --------------------------------------------------------------------------------------
-
-
 def steps_of(transcript: str) -> list[str]:
     """The actions in order, at most 60; if none are marked, each line is one."""
     if acts := acts_of(transcript):
@@ -288,9 +275,6 @@ def abstracted(step: str) -> str:
     for pattern, slot in _VALUES:
         rest = pattern.sub(slot, rest)
     return " ".join((head + rest).split())
-
-
-# Entries as a bounded block of text -------------------------------------------------------------------------
 
 
 def with_values(items: Sequence[MemoryItem], groups: Sequence[int]) -> list[tuple[str, list[str]]]:

@@ -19,7 +19,6 @@ from gvla2.memory.admission import Weighed, confirmed, new_record
 from gvla2.memory.contracts import Embedder, Lesson, MemoryEpisode, Verdict
 from gvla2.memory.records import Record, clean, dump
 from gvla2.memory.store import Store
-from gvla2.memory.transaction import Transaction
 
 LONGEST = 100_000
 
@@ -62,7 +61,7 @@ class VectorStore:
     ) -> None:
         self.store, self.bank, self._embedder = store, bank, embedder
         self._of_content, self._clock = of_content, clock
-        self._vectors: dict[str, NDArray[np.float32]] = {}
+        self._vectors: dict[str, NDArray[np.float32]] = {}  # by text: each is embedded once
         self._entries: list[tuple[Record, ...]] = []
         self._rev = 0
 
@@ -75,7 +74,7 @@ class VectorStore:
         self._refresh()
         if not self._entries or k < 1:
             return []
-        matrix = np.stack([self._vectors[self._text(entry[0])] for entry in self._entries])  # (N, D)
+        matrix = np.stack([self._vector(entry[0]) for entry in self._entries])  # (N, D)
         cosines = matrix @ self._embedder.embed([clean(text, LONGEST)])[0]  # (N,)
         best = np.argsort(-cosines, kind="stable")[:k]
         return [Found(self._entries[row], float(cosines[row])) for row in best.tolist()]
@@ -84,30 +83,29 @@ class VectorStore:
         self, drafts: Sequence[Draft], episode: MemoryEpisode, verdict: Verdict, *, actor: str
     ) -> tuple[list[str], list[str]]:
         """Store the drafts in one transaction; returns the leading records' ids of new entries, and of grown ones."""
-        added, again = list[str](), list[str]()
+        added, grown = list[str](), list[str]()
         with self.store.writing(self.bank, actor=actor, now=self._clock()) as tx:
             for number, draft in enumerate(drafts):
                 name = _digest(draft.key or dump([tx.rev, number]))
                 for place, lesson in enumerate(draft.lessons):
-                    id, new = self._put(tx, name, place, lesson, episode, verdict)
+                    about = str((lesson.effect or {}).get("parameter", ""))
+                    key = _digest(dump([name, lesson.type, lesson.content, about] if place else [name, 0]))
+                    short = replace(lesson, content=clean(lesson.content, LONGEST))
+                    record = new_record(
+                        self.bank, Weighed(short, "active", key=key), episode, verdict, tx.now
+                    )
+                    known = tx.by_key(key)
+                    if known is not None:
+                        record = tx.put(confirmed(known, record, episode, verdict, tx.now), action="merge")
+                    else:
+                        home = dump({**record.provenance_json(), "entry": name, "place": place})
+                        record = tx.put(replace(record, provenance=home), action="add")
                     if place == 0:
-                        (added if new else again).append(id)
-        return added, again
-
-    def _put(
-        self, tx: Transaction, name: str, place: int, lesson: Lesson, episode: MemoryEpisode, verdict: Verdict
-    ) -> tuple[str, bool]:
-        about = str((lesson.effect or {}).get("parameter", ""))
-        key = _digest(dump([name, place] if place == 0 else [name, lesson.type, lesson.content, about]))
-        shortened = replace(lesson, content=clean(lesson.content, LONGEST))
-        fresh = new_record(self.bank, Weighed(shortened, "active", key=key), episode, verdict, tx.now)
-        if known := tx.by_key(key):
-            return tx.put(confirmed(known, fresh, episode, verdict, tx.now), action="merge").id, False
-        home = dump({**fresh.provenance_json(), "entry": name, "place": place})
-        return tx.put(replace(fresh, provenance=home), action="add").id, True
+                        (grown if known else added).append(record.id)
+        return added, grown
 
     def _refresh(self) -> None:
-        """Follow the store: new, changed, forgotten or archived entries. Each text is embedded once."""
+        """Follow the store: new, changed, forgotten or archived entries."""
         with self.store.reading(self.bank) as view:
             if view.rev == self._rev:
                 return
@@ -115,21 +113,19 @@ class VectorStore:
         entries: dict[str, list[tuple[int, str, Record]]] = defaultdict(list)
         for record in records:
             home = record.provenance_json()
-            if isinstance(home.get("entry"), str) and isinstance(home.get("place"), int):
-                entries[home["entry"]].append((home["place"], record.id, record))
-        # An entry exists as long as its leading record.
+            if "entry" in home:
+                entries[str(home["entry"])].append((int(home["place"]), record.id, record))
         whole = [sorted(entry, key=lambda one: one[:2]) for _, entry in sorted(entries.items())]
+        # An entry exists as long as its leading record.
         self._entries = [tuple(one[2] for one in entry) for entry in whole if entry[0][0] == 0]
-        texts = {self._text(entry[0]) for entry in self._entries}
-        self._vectors = {text: vector for text, vector in self._vectors.items() if text in texts}
-        for text in sorted(texts - self._vectors.keys()):
+
+    def _vector(self, leading: Record) -> NDArray[np.float32]:
+        text = leading.text if self._of_content else leading.query
+        if text not in self._vectors:
             rows = self._embedder.embed([text] if self._of_content else text.split("\n"))
             total = rows.sum(axis=0, dtype=np.float64)
-            length = float(np.linalg.norm(total))
-            self._vectors[text] = (total / length if length > 0 else total).astype(np.float32)
-
-    def _text(self, leading: Record) -> str:
-        return leading.text if self._of_content else leading.query
+            self._vectors[text] = (total / max(float(np.linalg.norm(total)), 1e-12)).astype(np.float32)
+        return self._vectors[text]
 
 
 def _digest(text: str) -> str:

@@ -30,8 +30,7 @@ class VocabularyConfig(NamingOptions, ComponentConfig):
 
 def _build(config: VocabularyConfig) -> Perceiver:
     """SAM 3 by transformers: masks of what words name, fused over the views in 3D; needs weights."""
-    from gvla2_plugins.open_vocabulary.models import load_sam3
-    from gvla2_plugins.open_vocabulary.perceiver import VocabularyPerceiver
+    from gvla2_plugins.open_vocabulary.perceiver import VocabularyPerceiver, load_sam3
 
     return VocabularyPerceiver(config, load_sam3(config.weights))
 

@@ -14,7 +14,7 @@ from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.perception.clicks import Prompt, Segments
 
 MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
-"""Of ImageNet's pixels, by which the model was trained."""
+"""Mean and standard deviation of ImageNet's pixels, by which the model's input is normalised."""
 SIDE = 1024
 """Side of the square that pictures are stretched to, pixels."""
 BATCH = 8

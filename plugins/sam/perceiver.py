@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -28,8 +27,6 @@ AGREES = 0.5
 """Share of a cluster's pixels that its mask must cover."""
 COVERED = 0.75
 """Share of a cluster's pixels in the mask of a larger one, over all pictures, from which it is a part of that."""
-
-log = logging.getLogger(__name__)
 
 
 class SamPerceiver:
@@ -77,8 +74,7 @@ class SamPerceiver:
     def _answers(self, frames: Sequence[ViewFrame], found: Clusters) -> list[dict[int, Segments]]:
         """For each picture the answer for each cluster that is in sight there."""
         answers: list[dict[int, Segments]] = []
-        for number, (frame, clustered) in enumerate(zip(frames, found.maps, strict=True)):
-            log.info("perceiver=sam: picture %d of %d", number + 1, len(frames))
+        for frame, clustered in zip(frames, found.maps, strict=True):
             shown = np.unique(clustered[in_sight(clustered)]).tolist()
             if not shown:
                 answers.append({})

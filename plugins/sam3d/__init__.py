@@ -33,13 +33,11 @@ class ExternalConfig(ComponentConfig):
     """Options of ``mv_sam3d``, ``sam3d`` and ``fast_sam3d``.
 
     ``checkout``: folder of the program's own repository. ``python``: interpreter of the environment that it was
-    installed into. ``weights``: path relative to the checkout that must exist for the weights to count as downloaded;
-    empty: none. ``timeout_s``: seconds after which the program is ended. ``gaussians`` as in ``result_tree``.
+    installed into. ``timeout_s``: seconds after which the program is ended. ``gaussians`` as in ``result_tree``.
     """
 
     checkout: str = ""
     python: str = "python"
-    weights: str = "checkpoints/hf/pipeline.yaml"
     timeout_s: float = 3600.0
     gaussians: int = 15_000
 
@@ -60,15 +58,15 @@ def _finished(config: ResultTreeConfig) -> Reconstructor:
 @hookimpl
 def gvla2_reconstructors() -> list[Component[Reconstructor]]:
     """``reconstructor=result_tree | mv_sam3d | sam3d | fast_sam3d``."""
-    external = {
-        "mv_sam3d": "MV-SAM3D on all views",
-        "sam3d": "SAM 3D Objects on the best view",
-        "fast_sam3d": "Fast-SAM3D on the best view",
-    }
+
+    def external(name: str, what: str) -> Component[Reconstructor]:
+        return Component(
+            name, ExternalConfig, partial(_build, name), summary=f"Runs your checkout of {what}."
+        )
+
     return [
         Component("result_tree", ResultTreeConfig, _finished),
-        *(
-            Component(name, ExternalConfig, partial(_build, name), summary=f"Runs your checkout of {what}.")
-            for name, what in external.items()
-        ),
+        external("mv_sam3d", "MV-SAM3D on all views"),
+        external("sam3d", "SAM 3D Objects on the best view"),
+        external("fast_sam3d", "Fast-SAM3D on the best view"),
     ]

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
+from gvla2.component import check_ranges
+from gvla2.errors import GeometryError, Gvla2Error, MissingDependencyError
 from gvla2.geometry.view_folders import write_plain
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
@@ -135,9 +136,8 @@ class ExternalReconstructor:
 
     def __init__(self, program: str, config: ExternalConfig) -> None:
         self._program, self._config = PROGRAMS[program], config
-        if not config.timeout_s > 0:
-            raise ConfigurationError(f"reconstructor.timeout_s is {config.timeout_s}; it must be positive.")
-        self._checkout = self._find_checkout(f"reconstructor={program}")
+        check_ranges(config, "reconstructor", {"timeout_s": (1e-3, 1e9, "s")})
+        self._checkout = self._find_checkout()
 
     def reconstruct(self, views: Views) -> Reconstruction:
         """The program's result in the views' frame.
@@ -165,14 +165,14 @@ class ExternalReconstructor:
             newest = max(found, key=lambda f: (f.stat().st_mtime_ns, f.name))
             return align_result(*read_result(newest.parent, newest.stem), views, c.gaussians)
 
-    def _find_checkout(self, asked: str) -> Path:
-        p, c = self._program, self._config
+    def _find_checkout(self) -> Path:
+        p, c, asked = self._program, self._config, f"reconstructor={self._config.name}"
         clone = f"git clone {p.source}, follow its installation, then reconstructor.checkout=PATH"
         checkout = Path(c.checkout).expanduser().resolve()
         if not c.checkout or not (checkout / p.script).is_file():
             what = f"a checkout of {p.title} (no {p.script} in reconstructor.checkout='{c.checkout}')"
             raise MissingDependencyError(what, asked, clone, _SAM)
-        if c.weights and not (checkout / c.weights).exists():
-            what = f"{c.weights} in the checkout {checkout} (the weights)"
+        if not (checkout / "checkpoints/hf/pipeline.yaml").exists():
+            what = f"checkpoints/hf/pipeline.yaml in the checkout {checkout} (the weights)"
             raise MissingDependencyError(what, asked, _WEIGHTS, _SAM)
         return checkout

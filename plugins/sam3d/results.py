@@ -86,7 +86,7 @@ def align_result(result: Reconstruction, pose: Sim3 | None, views: Views, count:
         starts = [Sim3(float(s), np.eye(3), (1 - s) * camera.position).compose(in_world) for s in scales]
     else:
         target, turns = carve(views, resolution=32).mesh.bounds, Rotation.create_group("O").as_matrix()
-        starts = [Sim3.identity(), *(_fitted(mesh, target, turn) for turn in turns)]
+        starts = [Sim3(1.0, np.eye(3), np.zeros(3)), *(_fitted(mesh, target, turn) for turn in turns)]
     sim3, iou = register(mesh, views, starts)
     if (gaussians := result.gaussians) is None:
         gaussians = surfels(mesh, None, count)
@@ -118,10 +118,9 @@ def place_mesh(mesh: TriangleMesh, sim3: Sim3) -> TriangleMesh:
     return mesh.with_vertices(sim3.apply(mesh.vertices))
 
 
-_ITERATIONS = 20
+_ITERATIONS = 12
 _HUBER = 3.0  # pixels
 _DAMPING = 1e-3
-_PATIENCE = 4  # steps without a better IoU before giving up
 _RIM = 400  # rim pixels used per view
 _GOOD = 0.95  # IoU at which no further start is tried
 _TRIED_FURTHER = 4  # number of starts refined; the others fit too badly
@@ -154,19 +153,18 @@ def _fitted(mesh: TriangleMesh, target: FloatArray, turn: FloatArray) -> Sim3:
 
 def _refine(mesh: TriangleMesh, shown: Sequence[Silhouette], start: Sim3) -> tuple[Sim3, float]:
     """Levenberg-Marquardt with Huber weights; the best similarity seen on the way, and its IoU."""
-    best, best_iou, now, stale = start, -1.0, start, 0
+    best, best_iou, now = start, -1.0, start
     for _ in range(_ITERATIONS + 1):
         placed = place_mesh(mesh, now)
         depths = depth_maps(placed, [s.camera for s in shown])
         iou = float(np.mean([mask_iou(np.isfinite(d), s) for d, s in zip(depths, shown, strict=True)]))
-        stale = 0 if iou > best_iou + 1e-5 else stale + 1
         if iou > best_iou:
             best, best_iou = now, iou
         centre = placed.vertices.mean(axis=0)
         size = float(np.linalg.norm(placed.vertices - centre, axis=1).max())
         rows = [_residuals(d, s, centre, size) for d, s in zip(depths, shown, strict=True)]
         residual = np.concatenate([r for r, _ in rows])
-        if stale >= _PATIENCE or len(residual) < 7:
+        if len(residual) < 7:
             break
         jacobian = np.concatenate([j for _, j in rows])
         weight = np.minimum(1.0, _HUBER / np.maximum(np.abs(residual), 1e-9))

@@ -125,7 +125,7 @@ def true_scene(world: SapienWorld, layout: Layout, table_height: float, workspac
     for body in layout.lit(world.peaks):
         pose = world.pose(body.name)
         parts = [_part(body, label, numbers) for label, numbers in body.parts]
-        objects.append(_object(_without_what_stands_off(body), pose, above.get(body.name, "")))
+        objects.append(_object(_without_protrusions(body), pose, above.get(body.name, "")))
         objects += [_object(part, pose, body.name) for part in parts]
     return Scene(tuple(objects), table_height, workspace, "oracle")
 
@@ -136,7 +136,7 @@ def _part(body: Body, label: str, numbers: tuple[int, ...]) -> Body:
     return replace(body, name=f"{body.name}/{label}", solids=solids, label=label, shape="", parts=())
 
 
-def _without_what_stands_off(body: Body) -> Body:
+def _without_protrusions(body: Body) -> Body:
     """The body without the parts beside it: a drawer's box ends where its handle begins."""
     aside: set[int] = set()
     for _, numbers in body.parts:

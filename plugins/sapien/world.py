@@ -15,8 +15,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.robot.task import Layout
 from gvla2.robot.workcell import Workcell
 from gvla2_plugins.sapien import SapienArmConfig
-from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, import_sapien, pose_of
-from gvla2_plugins.sapien.threads import Caught, Screwed
+from gvla2_plugins.sapien.bodies import PREFIX, Caught, Screwed, build_bodies, import_sapien, pose_of
 
 PATCH_RADIUS = 0.1
 """Of the fingers' contact patches, metres: gives a point contact the resistance to turning of a soft pad."""

@@ -12,20 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from gvla2.planning.colours import (
-    COLOURS,
-    DISTINCT,
-    FAMILIES,
-    NEARLY,
-    between,
-    colour_distance,
-    first_colour,
-    meant_by,
-)
-from gvla2.planning.contracts import Abstention
+from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, may_look, meant_by
+from gvla2.planning.contracts import Abstention, AbstentionKind
 from gvla2.planning.part_hierarchy import is_ajar, root_of
+from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, related
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.skill.reading import ITS, SIDES_OF, Noun, Place, Where
 
@@ -67,7 +57,7 @@ ANYTHING = frozenset(("object", "thing", "item", "piece", "one"))
 MATERIALS = frozenset("wooden wood plastic metal metallic steel glass ceramic cardboard rubber".split())
 LOOSE = frozenset("protruding loose upright standing whole painted coloured colored other".split())
 """Adjectives that distinguish nothing that perception sees, and "other", which what was named before decides."""
-_EXTREMES = {
+_EXTREMES: dict[Extreme, str] = {
     "left": "left leftmost", "right": "right rightmost", "middle": "middle center centre central",
     "near": "nearest closest near", "far": "farthest furthest far",
     "front": "front frontmost", "back": "back rear backmost rearmost",
@@ -76,7 +66,7 @@ _EXTREMES = {
     "top": "top upper topmost", "bottom": "bottom lower lowest",
 }  # fmt: skip
 EXTREMES = {word: by for by, words in _EXTREMES.items() for word in words.split()}
-"""Adjectives that single one out, by their criterion, see :func:`_extreme`."""
+"""Adjectives that single one out, by their criterion, see :func:`~gvla2.planning.relations.extreme`."""
 SIDES = frozenset("top middle center centre front side edge rim".split())
 """Heads of phrases that mean their owner: "the top of the cabinet"."""
 HOLDERS = frozenset("stand holder tower stack block rack pile pot vase".split())
@@ -84,21 +74,14 @@ HOLDERS = frozenset("stand holder tower stack block rack pile pot vase".split())
 TABLE = frozenset(("table", "tabletop", "desk", "ground", "floor", "counter"))
 ON_TABLE = 0.04
 """What stands on the table has its bottom lower than this above it, metres."""
-SIZE_SLACK, PLACE_SLACK = 0.05, 0.005
-"""Differences of size (share) and place (metres) below perception's accuracy do not decide."""
-ASTRIDE, MIDWAY = 0.4, 0.15
-"""What is between two others is less off their line than this share of its length; of several, those count that are
-not further off than the nearest one by the second share."""
-CLOSE, BESIDE = 0.012, 0.25
-"""Heights that differ less may touch; objects next to one another are no further apart, centre to centre; metres."""
 
 
 class UngroundedError(Exception):
     """A phrase means no object, or none for certain; ``abstention`` says why."""
 
-    def __init__(self, abstention: Abstention) -> None:
-        super().__init__(abstention.message)
-        self.abstention = abstention
+    def __init__(self, kind: AbstentionKind, message: str, unread: bool = False) -> None:
+        super().__init__(message)
+        self.abstention = Abstention(kind, message, unread=unread)
 
 
 @dataclass(frozen=True)
@@ -135,19 +118,18 @@ def ground(
     for other in noun.besides:
         excluded = _restricted(other, _named(other.words, fits), scene, context)
         if not excluded:
-            raise UngroundedError(_nothing(other, fits, scene))
+            raise _nothing(other, fits, scene)
         fits = [o for o in fits if o not in excluded]
     *mods, head = noun.words
     said = [w for w in mods if w in EXTREMES and fits and any(w not in _label(o) for o in fits)]
     for word in said:
-        fits = _extreme(fits, EXTREMES[word], scene)
+        fits = extreme(fits, EXTREMES[word], scene)
     if "other" in mods:
         fits = [o for o in fits if o.id not in (*context.themes, context.goal)] if context.themes else fits
     if not fits:
-        raise UngroundedError(_nothing(noun, pool, scene))
+        raise _nothing(noun, pool, scene)
     if (count := next((NUMBERS[w] for w in mods if w in NUMBERS), len(fits))) != len(fits):
-        message = f"There are {len(fits)} of '{noun.text}', not {count}."
-        raise UngroundedError(Abstention("ambiguous", message))
+        raise UngroundedError("ambiguous", f"There are {len(fits)} of '{noun.text}', not {count}.")
     plural = head not in {w for o in fits for w in _label(o)} and _singular(head) != head
     if len(fits) == 1 or noun.number == "all" or (noun.number == "the" and plural):
         return fits
@@ -164,14 +146,14 @@ def ground(
         return fits if mark else [wholes[0]]  # "on top of the drawer" where a cabinet has three
     names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in fits)
     message = f"'{noun.text}' may mean {names}; say which, by its colour or side perhaps."
-    raise UngroundedError(Abstention("ambiguous", message))
+    raise UngroundedError("ambiguous", message)
 
 
-def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> Abstention:
+def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> UngroundedError:
     seen = ", ".join(sorted(o.label for o in scene.objects)) or "nothing"
     partly = any(_heads(noun.words, o, level) for level in range(3) for o in pool)
-    return Abstention(
-        "nothing_matches", f"Nothing here is '{noun.text}'; the scene has: {seen}.", unread=partly
+    return UngroundedError(
+        "nothing_matches", f"Nothing here is '{noun.text}'; the scene has: {seen}.", partly
     )
 
 
@@ -181,13 +163,11 @@ def _antecedents(
     """What a pronoun stands for; where nothing was named before, the only object that can be moved."""
     named = [o for o in scene.objects if o.id in context.themes]
     if noun.text == "them" and len(named) == 1 and context.goal:
-        raise UngroundedError(
-            Abstention("ambiguous", "'them' may be what was put there, with what it is on.")
-        )
+        raise UngroundedError("ambiguous", "'them' may be what was put there, with what it is on.")
     wholes = [o for o in pool if not o.parent and o.shape != "region"]
     if named or len(wholes) == 1:
         return named or wholes
-    raise UngroundedError(Abstention("ambiguous", f"What '{noun.text}' stands for is not said."))
+    raise UngroundedError("ambiguous", f"What '{noun.text}' stands for is not said.")
 
 
 # Words
@@ -273,11 +253,9 @@ def _true(mods: Sequence[str], obj: SceneObject, pool: Sequence[SceneObject]) ->
     """The adjectives that are a colour, if all others are true of an object, or of its whole; None if one is not."""
     label = _label(obj)
     whole = [w for o in pool if o.id == obj.parent for w in _label(o) if w not in COLOURS]
-    rest = [w for w in mods if not any(_same(w, own) for own in (*label, *whole)) and w not in LOOSE]
-    rest = [w for w in rest if w not in NUMBERS and STATES.get(w, "") != is_ajar(obj)]
-    other_material = MATERIALS & set(label)
-    rest = [w for w in rest if w not in MATERIALS or other_material]
-    rest = [w for w in rest if w not in EXTREMES]
+    idle = {*LOOSE, *NUMBERS, *EXTREMES, *(() if MATERIALS & set(label) else MATERIALS)}
+    rest = [w for w in mods if w not in idle and not any(_same(w, own) for own in (*label, *whole))]
+    rest = [w for w in rest if STATES.get(w, "") != is_ajar(obj)]
     if not rest:
         return ()
     found = first_colour(rest)
@@ -306,12 +284,11 @@ def _coloured(
     own = _seen_as(colour, [o for o, _ in seen], pool)
     if own or not plain:
         return own
-    near = COLOURS.get(colour)
-    doubt = near is None or any(colour_distance(near, o.rgb) < DISTINCT for o, _ in seen)
-    return [] if doubt else plain
+    return [] if any(may_look(colour, o.rgb) for o, _ in seen) else plain
 
 
 def _seen_as(colour: str, objects: Sequence[SceneObject], pool: Sequence[SceneObject]) -> list[SceneObject]:
+    """The objects that look like a colour."""
     colour = FAMILIES[colour][0] if colour not in COLOURS and len(FAMILIES[colour]) == 1 else colour
     name = meant_by(colour, (o.colour for o in objects))
     own = [o for o in objects if name and o.colour == name]
@@ -328,9 +305,7 @@ def _seen_as(colour: str, objects: Sequence[SceneObject], pool: Sequence[SceneOb
 
 def _owned(noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
     """The objects that a phrase's words are true of, of its owner if it names one."""
-    if noun.owner is None:
-        return _named(noun.words, pool)
-    if noun.owner is ITS and not context.themes:
+    if noun.owner is None or (noun.owner is ITS and not context.themes):
         return _named(noun.words, pool)
     head = noun.words[-1]
     if head in PACKAGES and (packed := _named((*noun.owner.words, *noun.words), pool)):
@@ -344,7 +319,7 @@ def _owned(noun: Noun, pool: Sequence[SceneObject], scene: Scene, context: Conte
         if own := _named(noun.words, [p for p in scene.parts_of(o.id) if p in pool]):
             return own
     ids = {i for o in owner for i in scene.family(root_of(o, scene).id)} - {o.id for o in owner}
-    mine = [o for o in pool if o.id in ids or any(_at(o, by, owner, scene) for by in ("on", "in"))]
+    mine = [o for o in pool if o.id in ids or any(holds_any(o, by, owner, scene) for by in ("on", "in"))]
     return _named(noun.words, [o for o in mine if o not in owner])
 
 
@@ -358,7 +333,7 @@ def _restricted(noun: Noun, fits: list[SceneObject], scene: Scene, context: Cont
 
 def _where(where: Where, fits: list[SceneObject], scene: Scene, context: Context) -> list[SceneObject]:
     if where.words and where.words[0] in EXTREMES:
-        return _extreme(fits, EXTREMES[where.words[0]], scene)
+        return extreme(fits, EXTREMES[where.words[0]], scene)
     if where.words:
         return [o for o in fits if o in _named((*where.words, _label(o)[-1]), fits)]
     if where.having:
@@ -389,57 +364,14 @@ def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Contex
     words = {*noun.words, *(noun.owner.words if noun.owner else ())}
     if words & TABLE:
         if words & {"center", "centre", "middle"}:
-            return _extreme(fits, "table", scene)
+            return extreme(fits, "table", scene)
         return [o for o in fits if o.bottom < scene.table_height + ON_TABLE] or fits
     if place.relation == "between":
         marks = [ground(n, scene, context) for n in place.nouns]
-        if len(marks) == 1:
-            marks = [[o] for o in marks[0]]
-        if len(marks) != 2:
-            return []
-        off = {o.id: _between(o, marks[0][0], marks[1][0]) for o in fits}
-        return [o for o in fits if off[o.id] < min(ASTRIDE, min(off.values()) + MIDWAY)]
-    at = ground(place.nouns[0], scene, context, mark=place.relation in ("in", "from"))
-    there = [o for o in fits if o not in at and _at(o, place.relation, at, scene)]
-    if place.relation == "beside" and there:
-        there = [o for o in there if not _at(o, "on", at, scene)] or there
-        gaps = [min(_gap(o, m) for m in at) for o in there]
-        there = [o for o, g in zip(there, gaps, strict=True) if g <= min(gaps) + CLOSE]
-    return there
-
-
-def _gap(one: SceneObject, other: SceneObject) -> float:
-    return float(np.linalg.norm((one.centre - other.centre)[:2]))
-
-
-def _over(one: SceneObject, other: SceneObject) -> bool:
-    reach = 0.5 * float(np.linalg.norm(other.extents[:2])) + 0.01
-    return other.covers(one.centre) or _gap(one, other) < min(reach, 0.5 * float(other.extents[:2].max()))
-
-
-def _at(obj: SceneObject, relation: str, marks: Sequence[SceneObject], scene: Scene) -> bool:
-    """Whether an object is in the relation to any of the marks."""
-    return any(_holds(obj, relation, mark, scene) for mark in marks if mark is not obj)
-
-
-def _holds(obj: SceneObject, relation: str, at: SceneObject, scene: Scene) -> bool:
-    """The relation to one mark, as the scene's viewpoint has it; what is on a bowl may reach into it."""
-    match relation:
-        case "on":
-            height, sunk = obj.bottom - at.top, 0.5 * float(at.extents[2]) if at.opening else 0.0
-            aside = float(at.distances([*obj.centre[:2], at.centre[2]]))
-            rests = abs(height) < 2 * CLOSE and aside < 0.25 * obj.extents[:2].min()  # askew on its edge
-            return rests or (_over(obj, at) and height > -2 * CLOSE - sunk)
-        case "in":
-            return obj.parent == at.id or (_over(obj, at) and obj.bottom < at.top - CLOSE)
-        case "from":
-            touches = bool((at.distances(obj.corners()) == 0.0).any())
-            return touches or any(_holds(obj, by, at, scene) for by in ("in", "on")[: 1 if at.joint else 2])
-        case "beside":
-            return _gap(obj, at) < BESIDE + 0.5 * float(at.extents[:2].max())
-        case "left_of" | "right_of" | "front_of" | "behind":
-            return float((obj.centre - at.centre) @ scene.side(relation)) > CLOSE
-    return True
+        ends = marks[0] if len(marks) == 1 else [mark[0] for mark in marks]
+        return between_two(fits, ends[0], ends[1]) if len(ends) == 2 else []
+    at = ground(noun, scene, context, mark=place.relation in ("in", "from"))
+    return related([o for o in fits if o not in at], place.relation, at, scene)
 
 
 def section(noun: Noun, scene: Scene, context: Context) -> tuple[SceneObject, tuple[float, float]] | None:
@@ -454,43 +386,3 @@ def section(noun: Noun, scene: Scene, context: Context) -> tuple[SceneObject, tu
     way = scene.side(side)
     x, y = (owner[0].centre + 0.5 * owner[0].half_along(way) * way)[:2]
     return owner[0], (float(x), float(y))
-
-
-def _between(obj: SceneObject, one: SceneObject, other: SceneObject) -> float:
-    """How far it is off the line between two others, as a share of their distance; infinite if it is not between."""
-    line, to = (other.centre - one.centre)[:2], (obj.centre - one.centre)[:2]
-    length = max(float(np.linalg.norm(line)), 1e-9)
-    along = float(to @ line) / length
-    if obj in (one, other) or not 0.0 < along < length:
-        return float("inf")
-    return float(np.sqrt(max(float(to @ to) - along**2, 0.0))) / length
-
-
-def _extreme(fits: list[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
-    """The most extreme objects by a criterion of :data:`EXTREMES`, or all that are not clearly less so.
-
-    ``near`` and ``far`` are from the robot, the sides as the scene's viewpoint has them, ``table`` is nearest to the
-    table's middle, ``big`` is by volume, ``tall`` by height; in a stack the middle one is the one at middle height.
-    """
-    if not fits:
-        return []
-    heights, sizes = np.array([o.centre[2] for o in fits]), np.array([o.extents for o in fits])
-    places = np.array([o.centre[:2] for o in fits])
-    low, high = scene.workspace.low, scene.workspace.high
-    distances = np.linalg.norm(places - [low[0], 0.5 * (low[1] + high[1])], axis=1)
-    left, back = places @ scene.side("left_of")[:2], places @ scene.side("behind")[:2]
-    ranks = {
-        "left": -left, "right": left, "back": -back, "front": back, "near": distances, "far": -distances,
-        "table": np.linalg.norm(places - 0.5 * (low + high)[:2], axis=1),
-        "middle": np.linalg.norm(places - places.mean(axis=0), axis=1),
-        "big": -sizes.prod(axis=1), "small": sizes.prod(axis=1), "tall": -sizes[:, 2], "short": sizes[:, 2],
-        "top": -heights, "bottom": heights,
-    }[by]  # fmt: skip
-    slack = PLACE_SLACK
-    if by in ("big", "small", "tall", "short"):
-        slack = SIZE_SLACK * float(np.abs(ranks.min()))
-    elif by in ("top", "bottom"):
-        slack = CLOSE
-    elif by == "middle" and np.ptp(heights) > np.ptp(places, axis=0).max():
-        ranks, slack = np.abs(heights - np.median(heights)), CLOSE
-    return [o for o, rank in zip(fits, ranks, strict=True) if rank <= ranks.min() + slack]

@@ -17,7 +17,7 @@ from gvla2.skills.multi_step import is_container
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.grounding import Context, UngroundedError, ground, section, several
-from gvla2_plugins.skill.reading import Command, Noun, Reading, UnreadableError, readings
+from gvla2_plugins.skill.reading import ITS, Command, Noun, Reading, UnreadableError, readings
 
 ABSORBED = {"pick": {"pick", "pull", "twist"}, "pull": {"pull"}, "place": {"place"}}
 """A call of the same theme that follows one of these asks for nothing more: "pick it up and lift it"."""
@@ -87,16 +87,17 @@ def _calls(reading: Reading, scene: Scene) -> tuple[SkillCall, ...]:
         held = isinstance(what, Meant) and what.skill in ("pick", "twist", "draw") and not call.goal
         held = held and scene[call.theme].joint is None  # a knob stays where it is
         if held and root_of(scene[following.theme], scene) is not root_of(scene[call.theme], scene):
-            message = f"The {scene[call.theme].label} would still be in the hand; ask for one at a time."
-            raise UngroundedError(Abstention("other", message))
+            label = scene[call.theme].label
+            raise UngroundedError("other", f"The {label} would still be in the hand; ask for one at a time.")
     return tuple(calls)
 
 
 def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[SkillCall], Context]:
     """The calls of a command, one for each of its themes, and what the next clause may refer to."""
-    if command.skill not in STANDARD and command.skill != TURN_OFF:
+    skill = "press" if command.skill == TURN_OFF else command.skill
+    if skill not in STANDARD:
         message = f"No skill can {command.skill} anything; it can {', '.join(STANDARD)}."
-        raise UngroundedError(Abstention("unknown_skill", message))
+        raise UngroundedError("unknown_skill", message)
     goal = command.goal
     out = {o.id for noun in command.spared for o in _seen(noun, scene, context)}
     if goal is not None and (goal.relation == "matching" or any(map(several, command.themes))):
@@ -108,16 +109,13 @@ def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[Sk
         if noun.number == "it" and context.goal and command.skill in ("open", "close", "press"):
             found = [scene[context.goal]]  # "put it in the drawer and close it"
         else:
-            skill = "press" if command.skill == TURN_OFF else command.skill
             found = ground(noun, scene, context, skill=skill, out=frozenset(out), origins=command.origins)
         themes += [o for o in found if o not in themes]
     for noun in command.present:
         ground(noun, scene, Context(tuple(o.id for o in themes)))
     if len(themes) > 1 and (goal is None or goal.relation == "between"):
         names = ", ".join(o.label for o in themes)
-        raise UngroundedError(
-            Abstention("other", f"It names several objects, {names}; ask for one at a time.")
-        )
+        raise UngroundedError("other", f"It names several objects, {names}; ask for one at a time.")
     calls = [_call(command, theme, scene, context) for theme in themes]
     ids = tuple(o.id for o in themes)
     closed = (*context.closed, *ids) if command.skill == "close" else context.closed
@@ -130,9 +128,7 @@ def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) 
     if knob is not None and command.skill in ("press", TURN_OFF) and button_of(theme, scene) is None:
         return turned(SkillCall("twist", knob.id), knob, on=command.skill == "press")
     if command.skill == TURN_OFF:
-        raise UngroundedError(
-            Abstention("unknown_skill", f"No skill can turn off the {theme.label}: it has no knob.")
-        )
+        raise UngroundedError("unknown_skill", f"No skill can turn off the {theme.label}: it has no knob.")
     call = SkillCall(command.skill, theme.id, amount=command.amount, direction=command.direction)
     goal = command.goal
     if command.direction is not None and command.direction[1] and scene.viewpoint == "facing":
@@ -144,18 +140,17 @@ def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) 
     if goal.relation == "matching":
         found = _containers(scene)
         if len(found) < 2:
-            raise UngroundedError(Abstention("nothing_matches", "There are no two containers to sort into."))
+            raise UngroundedError("nothing_matches", "There are no two containers to sort into.")
         at = min(found, key=lambda c: (c.colour != theme.colour, float(colour_distance(theme.rgb, c.rgb))))
         return replace(call, goal=at.id, relation="in")
     places = [_aim(noun, theme, scene, context) for noun in goal.nouns]
     if any(len(objects) != 1 for objects in places):
         names = ", ".join(o.label for objects in places for o in objects)
-        raise UngroundedError(Abstention("ambiguous", f"'{goal.nouns[0].text}' may mean {names}; say which."))
+        raise UngroundedError("ambiguous", f"'{goal.nouns[0].text}' may mean {names}; say which.")
     if goal.relation == "between":
         x, y = 0.5 * (places[0][0].centre + places[1][0].centre)[:2]
         return replace(call, xy=(float(x), float(y)))
-    at = places[0][0]
-    whole = scene.whole_of(at)
+    at, whole = places[0][0], scene.whole_of(places[0][0])
     if goal.relation == "on" and whole is not None and (at.id in context.closed or is_ajar(at) is False):
         at = whole  # nothing can be put on a closed drawer
     return replace(call, goal=at.id, relation=cast(Relation, goal.relation))
@@ -163,8 +158,9 @@ def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) 
 
 def _aim(noun: Noun, theme: SceneObject, scene: Scene, context: Context) -> list[SceneObject]:
     """What a goal's phrase means: preferably not what is put there."""
-    own = frozenset({theme.id})
-    others = [] if noun.number == "it" else _seen(noun, scene, context, own)
+    if noun == replace(ITS, text="") and context.goal:
+        return [scene[context.goal]]
+    others = [] if noun.number == "it" else _seen(noun, scene, context, frozenset({theme.id}))
     return others or ground(noun, scene, context)
 
 

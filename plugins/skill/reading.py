@@ -249,7 +249,7 @@ class _Reader(Transformer[Token, Any]):
         if isinstance(children[0], tuple):
             (relation, goal), noun = children
             side = SIDES_OF.get(" ".join(noun.words).removesuffix(" side"), "")
-            if noun.owner is not None and side and relation in ("to", "on"):
+            if noun.owner is not None and side and relation == "to":
                 return Place(side, (noun.owner,))  # "to the stove's front"
             return Place(relation, (noun,), goal)
         return Place("between", tuple(children[1:]))
@@ -287,7 +287,12 @@ class _Reader(Transformer[Token, Any]):
         return _command("PUT", (replace(ITS, text=""),), [Tree("place_of", children[1:])])
 
     def same_again(self, children: list[Any]) -> Command:
-        return Command("", children[0], children[1])
+        themes, where = children
+        if not isinstance(where, Place):  # "... and the pudding to the right"
+            if where.split()[-1] not in SIDES_OF:
+                raise UnreadableError(f"'{where}' cannot be read here")
+            where = Place(SIDES_OF[where.split()[-1]], (replace(ITS, text=""),), True)
+        return Command("", themes, where)
 
     def start(self, clauses: list[Any]) -> Reading:
         read: list[Command] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gvla2 import Component, hookimpl
@@ -66,52 +65,43 @@ class OpenBoxConfig(ScaledConfig):
     swing: float = 1.8
 
 
-_TASKS: tuple[tuple[str, str, type[ScaledConfig], str], ...] = (
-    ("put_block", "put:PutBlock", ScaledConfig, "Put a block on a painted square."),
-    ("push_block", "lift:PushBlock", ScaledConfig, "Push a block onto a square painted on the table."),
-    (
-        "play_jenga",
-        "towers:PlayJenga",
-        ScaledConfig,
-        "Pull the loose brick out of a tower that keeps standing.",
-    ),
-    ("open_jar", "screws:OpenJar", OpenJarConfig, "Unscrew the lid of the jar of the named colour."),
-    ("close_box", "furniture:CloseBox", ScaledConfig, "Close the hinged lid of a box."),
-    ("open_box", "furniture:OpenBox", OpenBoxConfig, "Open the hinged lid of a box by its lip."),
-    ("pickup_cup", "lift:PickupCup", ScaledConfig, "Pick the cup of the named colour up by its rim."),
-    ("take_umbrella", "lift:TakeUmbrella", ScaledConfig, "Pull an umbrella out of its stand."),
-    ("sort_mustard", "put:SortMustard", ScaledConfig, "Put the mustard bottle into the tray."),
-    ("open_wine", "screws:OpenWine", ScaledConfig, "Turn the cap of a wine bottle until it comes off."),
-    ("lamp_on", "lift:LampOn", ScaledConfig, "Press the sprung button of a lamp."),
-    ("put_knife", "put:PutKnife", ScaledConfig, "Draw a knife from its block and lay it on the board."),
-    (
-        "pick_and_lift",
-        "lift:PickAndLift",
-        PickAndLiftConfig,
-        "Lift the cube of the named colour, beside others.",
-    ),
-    (
-        "insert_block",
-        "towers:InsertBlock",
-        ScaledConfig,
-        "Slip a ring over the pillar of the named colour.",
-    ),
-    ("move_spray_bottle", "put:MoveSprayBottle", ScaledConfig, "Move a spray bottle onto a painted square."),
-    ("open_drawer", "furniture:OpenDrawer", ScaledConfig, "Pull a drawer open by its handle."),
-    ("sort_object", "put:SortObject", ScaledConfig, "Put three objects into the bins of their colours."),
+_TASKS: tuple[tuple[str, type[ScaledConfig], str], ...] = (
+    ("put_block", ScaledConfig, "Put a block on a painted square."),
+    ("push_block", ScaledConfig, "Push a block onto a square painted on the table."),
+    ("play_jenga", ScaledConfig, "Pull the loose brick out of a tower that keeps standing."),
+    ("open_jar", OpenJarConfig, "Unscrew the lid of the jar of the named colour."),
+    ("close_box", ScaledConfig, "Close the hinged lid of a box."),
+    ("open_box", OpenBoxConfig, "Open the hinged lid of a box by its lip."),
+    ("pickup_cup", ScaledConfig, "Pick the cup of the named colour up by its rim."),
+    ("take_umbrella", ScaledConfig, "Pull an umbrella out of its stand."),
+    ("sort_mustard", ScaledConfig, "Put the mustard bottle into the tray."),
+    ("open_wine", ScaledConfig, "Turn the cap of a wine bottle until it comes off."),
+    ("lamp_on", ScaledConfig, "Press the sprung button of a lamp."),
+    ("put_knife", ScaledConfig, "Draw a knife from its block and lay it on the board."),
+    ("pick_and_lift", PickAndLiftConfig, "Lift the cube of the named colour, beside others."),
+    ("insert_block", ScaledConfig, "Slip a ring over the pillar of the named colour."),
+    ("move_spray_bottle", ScaledConfig, "Move a spray bottle onto a painted square."),
+    ("open_drawer", ScaledConfig, "Pull a drawer open by its handle."),
+    ("sort_object", ScaledConfig, "Put three objects into the bins of their colours."),
 )
-"""Name, module and class, configuration, summary."""
+"""Name, configuration, summary."""
 
 
-def _component(name: str, place: str, config: type[ScaledConfig], summary: str) -> Component[Task]:
+def _component(name: str, config: type[ScaledConfig], summary: str) -> Component[Task]:
     def build(config: ScaledConfig) -> Task:
-        module, _, own = place.partition(":")
-        task: type[TabletopTask[Any]] = getattr(import_module(f"gvla2_plugins.tabletop.{module}"), own)
-        if config.world == "plain":
-            return task(config)
+        from gvla2_plugins.tabletop import furniture as f
+        from gvla2_plugins.tabletop import lift as li
+        from gvla2_plugins.tabletop import put as p
+        from gvla2_plugins.tabletop import screws, towers
         from gvla2_plugins.tabletop.learnable import Learnable
 
-        return Learnable(config, task)
+        tasks: tuple[type[TabletopTask[Any]], ...] = (
+            f.CloseBox, f.OpenBox, f.OpenDrawer, li.LampOn, li.PickAndLift, li.PickupCup, li.PushBlock, li.TakeUmbrella,
+            p.MoveSprayBottle, p.PutBlock, p.PutKnife, p.SortMustard, p.SortObject, screws.OpenJar, screws.OpenWine,
+            towers.InsertBlock, towers.PlayJenga,
+        )  # fmt: skip
+        task = next(task for task in tasks if task.name == name)
+        return task(config) if config.world == "plain" else Learnable(config, task)
 
     return Component(name, config, build, summary=summary)
 

@@ -46,7 +46,7 @@ class PlayJenga(TabletopTask[ScaledConfig]):
     )
 
     def lay_out(self, draw: Draw) -> TaskInstance:
-        """A tower of bricks, one of which sticks out."""
+        """A tower of bricks with one that sticks out."""
         k = self.scale
         root = draw.until(lambda: self._root(draw), "a tower of bricks")
         colour, circle = draw.colours(2, beside=(WOOD,))

@@ -2,27 +2,130 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
+import trimesh
 from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.scan import Scan, chosen, mesh_library, read_scan, scanned_body, spoken
-from gvla2.robot.solids import lowest
-from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
+from gvla2.robot.solids import body_points, lowest
+from gvla2.robot.task import Body, Layout, Profile, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
-from gvla2_plugins.tabletop_objects.asking import (
-    WORDINGS,
-    ObjectRequest,
-    interpret,
-    sentence_for,
-    success_check,
-)
+
+LIFTED, LIFTED_WELL = 0.03, 0.08
+"""Metres between a lifted object's lowest point and the table: relaxed and strict."""
+
+WORDINGS = {
+    "lift": (
+        "lift the {x}",
+        "pick up the {x}",
+        "raise the {x} off the table",
+        "grab the {x} and hold it up",
+        "take the {x} and lift it into the air",
+    ),
+    "put_in": (
+        "put the {x} in the {y}",
+        "place the {x} into the {y}",
+        "pick up the {x} and put it in the {y}",
+        "drop the {x} into the {y}, please",
+    ),
+}
+"""Templates of each kind; ``{x}`` is the object, ``{y}`` the other object."""
+
+
+@dataclass(frozen=True)
+class ObjectRequest:
+    """The request: its kind, the object ``theme`` and the other object ``goal``: bodies' names, "" for no other."""
+
+    kind: str
+    theme: str
+    goal: str = ""
+
+
+def sentence_for(asked: ObjectRequest, labels: dict[str, str], rng: np.random.Generator) -> str:
+    """A sentence for it, drawn among :data:`WORDINGS`."""
+    templates = WORDINGS[asked.kind]
+    chosen = templates[int(rng.integers(len(templates)))]
+    return chosen.format(x=labels[asked.theme], y=labels.get(asked.goal, ""))
+
+
+def interpret(sentence: str, labels: dict[str, str], own: ObjectRequest) -> tuple[ObjectRequest, str]:
+    """The objects named by a given sentence's words, and a remark for the goal when it names none."""
+    said = " ".join(re.findall(r"[a-z0-9]+", sentence.lower()))
+    places = {name: _place(said, label) for name, label in labels.items()}
+    named = sorted((n for n, at in places.items() if at >= 0), key=lambda n: places[n])
+    if len(named) >= 2 and re.search(r"\b(in|into|inside)\b", said):
+        return ObjectRequest("put_in", named[0], named[1]), ""
+    if len(named) == 1:
+        return ObjectRequest("lift", named[0]), ""
+    return own, "; the sentence names none of the objects by its name, so the seed's own goal is judged"
+
+
+def _place(said: str, label: str) -> int:
+    found = re.search(rf"\b{re.escape(label)}s?\b", said)
+    return found.start() if found else -1
+
+
+def success_check(asked: ObjectRequest, bodies: Sequence[Body], table: float) -> tuple[Checks, str]:
+    """The predicates of both profiles, and their description; ``table`` is world z, metres."""
+    by_name = {body.name: body for body in bodies}
+    theme = by_name[asked.theme]
+    if asked.kind == "lift":
+        return _lifting(theme, table), (
+            f"relaxed: no part of the {theme.label} is lower than {LIFTED} m above the table; "
+            f"strict: than {LIFTED_WELL} m, and the fingers hold it"
+        )
+    goal = by_name[asked.goal]
+    return _inside(theme, goal), (
+        f"relaxed: the {theme.label} is over the {goal.label} and lower than its rim; strict: at rest there, let go "
+        f"of, and the {goal.label} still stands"
+    )
+
+
+Checks = dict[Profile, Callable[[WorldState], bool]]
+
+
+def _lifting(body: Body, table: float) -> Checks:
+    def clearance(world: WorldState) -> float:
+        return float(_corners(body, world)[:, 2].min() - table)
+
+    return {
+        "relaxed": lambda world: clearance(world) > LIFTED,
+        "strict": lambda world: clearance(world) > LIFTED_WELL and world.held(body.name),
+    }
+
+
+def _inside(body: Body, goal: Body) -> Checks:
+    def relaxed(world: WorldState) -> bool:
+        mine, theirs = _corners(body, world), _corners(goal, world)
+        low, high, middle = theirs.min(axis=0), theirs.max(axis=0), _box_middle(mine)
+        over = bool(((middle > low) & (middle < high))[:2].all())
+        return over and bool(mine[:, 2].min() < high[2]) and not world.held(body.name)
+
+    def strict(world: WorldState) -> bool:
+        upright = goal.fixed or bool(world.pose(goal.name)[2, 2] > 0.8 * goal.world_from_body[2, 2])
+        lying = world.resting(body.name) and "table" not in world.touching(body.name)
+        return relaxed(world) and upright and lying
+
+    return {"relaxed": relaxed, "strict": strict}
+
+
+def _corners(body: Body, world: WorldState) -> FloatArray:
+    """(N, 3) world points whose hull is the body now."""
+    return body_points(body, world.pose(body.name))
+
+
+def _box_middle(points: FloatArray) -> FloatArray:
+    """(3,) the middle of the box about points (N, 3)."""
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
+
 
 MOST = 8
 GAP = 0.03
@@ -45,7 +148,7 @@ POSES = ("upright", "fallen")
 
 
 class TabletopObjects:
-    """Implements :class:`gvla2.robot.task.Task` for a folder of meshes; see :mod:`.asking` for what counts as done.
+    """Implements :class:`gvla2.robot.task.Task` for a folder of meshes; :func:`success_check` says what counts as done.
 
     Raises :class:`ConfigurationError` for an invalid folder, names or options; an unusable mesh raises when an episode
     needs it.
@@ -245,55 +348,14 @@ def mouth(scan: Scan, pose: FloatArray) -> float:
 def fallen(hull: FloatArray, centre: FloatArray, rng: np.random.Generator) -> FloatArray:
     """A rotation (3, 3), its z axis up, in which an object dropped at random comes to rest on a plane.
 
-    ``hull`` (N, 3) are the corners of its convex hull and ``centre`` (3,) its centre of mass, one frame, metres. It
-    lands on some face and rolls over the edge beyond which its centre lies, until its centre is above the face:
-    quasi-static, without momentum (Goldberg et al. 1999, "Part pose statistics"). Any rotation about z is equally
-    likely.
+    ``hull`` (N, 3) are the corners of its convex hull and ``centre`` (3,) its centre of mass, one frame, metres. Its
+    faces are drawn by their quasi-static probabilities, without momentum (Goldberg et al. 1999, "Part pose
+    statistics"); any rotation about z is equally likely.
     """
-    turn = Rotation.random(random_state=rng).as_matrix()
-    try:
-        solid = ConvexHull(hull)
-    except QhullError:  # flat: it lies on one side or the other
-        _, _, axes = np.linalg.svd(hull - hull.mean(axis=0), full_matrices=False)
-        down = axes[2] * (1.0 if rng.random() < 0.5 else -1.0)
-        return _standing(down, turn)
-    normals, offsets = solid.equations[:, :3], solid.equations[:, 3]
-    slope = normals @ (-turn[2])
-    height = -(offsets + normals @ centre)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        face = int(np.argmin(np.where(slope > 1e-9, height / slope, np.inf)))
-    for _ in range(len(normals)):
-        corners = solid.points[solid.simplices[face]]
-        foot = centre + height[face] * normals[face]
-        over = _edge_beyond(corners, foot, normals[face])
-        if over is None:
-            break
-        beyond = int(solid.neighbors[face][over])
-        if height[beyond] > height[face] + 1e-12:
-            break
-        face = beyond
-    return _standing(normals[face], turn)
-
-
-def _edge_beyond(corners: FloatArray, foot: FloatArray, normal: FloatArray) -> int | None:
-    """The number of the corner whose opposite edge the point ``foot`` (3,) lies farthest beyond; None when inside."""
-    worst, found = 1e-9, None
-    for k in range(3):
-        apex, a, b = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
-        aside = np.cross(b - a, normal)
-        aside = aside / max(float(np.linalg.norm(aside)), 1e-12)
-        if (apex - a) @ aside > 0:
-            aside = -aside
-        if (foot - a) @ aside > worst:
-            worst, found = float((foot - a) @ aside), k
-    return found
-
-
-def _standing(down: FloatArray, turn: FloatArray) -> FloatArray:
-    """The rotation that brings an object's direction ``down`` (3,) to -z, turned about z at random by ``turn``."""
-    aligned, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [down])
-    yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
-    return np.asarray((Rotation.from_euler("z", yaw) * aligned).as_matrix())
+    solid = trimesh.convex.convex_hull(hull)
+    turns, chances = trimesh.poses.compute_stable_poses(solid, center_mass=centre, n_samples=1)
+    chosen = turns[rng.choice(len(turns), p=chances / chances.sum()), :3, :3]
+    return np.asarray(planar((0.0, 0.0), 0.0, float(rng.uniform(-np.pi, np.pi)))[:3, :3] @ chosen)
 
 
 def _middle(scan: Scan) -> FloatArray:

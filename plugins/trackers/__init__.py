@@ -33,7 +33,7 @@ def _load(package: str, tracker: str, licence: str) -> Any:
 
 
 def sent_files(folder: Path) -> list[Path]:
-    """Those of an episode's files that exist."""
+    """The files of :data:`SENT` that the episode left."""
     return [folder / name for name in SENT if (folder / name).is_file()]
 
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from functools import partial, reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,8 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
 
 Value = NDArray[Any] | np.float64
-Evaluate = Callable[[ast.expr], Value]
-DEEPEST = 100
-"""How deep expressions may be nested, including those of their variables."""
-LARGEST = 1e9
+Move = Mapping[str, ast.expr]
+"""The expressions of a move's maps by name."""
 
 _ARITHMETIC: Mapping[type, Callable[..., Any]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Mod: np.mod,
@@ -30,6 +29,7 @@ _ARITHMETIC: Mapping[type, Callable[..., Any]] = {
     ast.GtE: np.greater_equal, ast.Eq: np.isclose, ast.BitAnd: np.logical_and, ast.BitOr: np.logical_or,
     ast.And: np.logical_and, ast.Or: np.logical_or,
 }  # fmt: skip
+LARGEST = 1e9
 # Numpy's own functions would take further arguments, such as arrays to write into.
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "abs": lambda a: np.abs(a),
@@ -42,19 +42,12 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 }
 
 MAPS = ("affordance", "avoidance", "gripper")
-LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
-"""Characters, nodes of its tree, variables and moves of a program: these bound its time and memory."""
+LONGEST, MOST_NODES, MOST_STAGES = 4000, 600, 10
+"""Characters, nodes of its tree, and moves of a program: these bound its time and memory."""
 
 
-class MapProgram(NamedTuple):
-    """The expressions of each move's maps, in order, and the variables that they use."""
-
-    stages: tuple[Mapping[str, ast.expr], ...]
-    variables: Mapping[str, ast.expr]
-
-
-def read_program(text: str) -> MapProgram:
-    """The program in an answer; raises :class:`ValueError` on what is wrong with it."""
+def read_program(text: str) -> list[Move]:
+    """The moves in an answer, in order; raises :class:`ValueError` on what is wrong with it."""
     source = text.split("```")[1].removeprefix("python").strip() if text.count("```") >= 2 else text.strip()
     if len(source) > LONGEST:
         raise ValueError(f"The program has {len(source)} characters; write at most {LONGEST}.")
@@ -64,82 +57,67 @@ def read_program(text: str) -> MapProgram:
         raise ValueError(f"It cannot be read ({error}); write lines move(...) and nothing else.") from None
     if sum(1 for _ in ast.walk(tree)) > MOST_NODES:
         raise ValueError("The program is too long; write fewer and simpler moves.")
-    stages: list[Mapping[str, ast.expr]] = []
-    variables: dict[str, ast.expr] = {}
+    moves: list[Move] = []
     for line in tree.body:
         match line:
-            case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                if name in variables or name in "xyz":
-                    raise ValueError(f"'{name}' has a meaning already; use another name.")
-                variables[name] = value
             case ast.Expr(value=ast.Call(func=ast.Name(id="move"), args=args, keywords=keywords)):
                 maps = {str(k.arg): k.value for k in keywords}
                 if len(args) > 1 or set(maps) - set(MAPS) or "affordance" not in maps:
                     has = f"a name, an affordance, and of {', '.join(MAPS)}"
                     raise ValueError(f"Line {line.lineno}: a move has {has}.")
-                stages.append(maps)
+                moves.append(maps)
             case _:
-                raise ValueError(f"Line {line.lineno} is neither move(...) nor name = expression.")
-    if len(variables) > MOST_VARIABLES or not 1 <= len(stages) <= MOST_STAGES:
-        has = f"{len(stages)} moves and {len(variables)} variables"
-        raise ValueError(f"It has {has}; write 1 to {MOST_STAGES} and at most {MOST_VARIABLES}.")
-    return MapProgram(tuple(stages), variables)
+                raise ValueError(f"Line {line.lineno} is not move(...).")
+    if not 1 <= len(moves) <= MOST_STAGES:
+        raise ValueError(f"It has {len(moves)} moves; write 1 to {MOST_STAGES}.")
+    return moves
 
 
 class MapInterpreter:
-    """Evaluates maps at points (..., 3), world metres; each variable of the program is evaluated once."""
+    """Evaluates maps at points (..., 3), world metres."""
 
-    def __init__(self, scene: Scene, ids: Mapping[str, str], program: MapProgram, points: FloatArray) -> None:
+    def __init__(self, scene: Scene, ids: Mapping[str, str], points: FloatArray) -> None:
         self._scene, self._ids, self._points = scene, ids, points
-        self._variables = program.variables
-        self._known: dict[str, Value] = {}
 
     def values(self, map_: ast.expr) -> FloatArray:
         """(...) finite values of a map at the points; raises :class:`ValueError` that says what is wrong with it."""
         with np.errstate(all="ignore"):
-            found = np.asarray(self._value(map_, 0), dtype=np.float64)
+            found = np.asarray(self._value(map_), dtype=np.float64)
         if not np.isfinite(found).all():
-            raise ValueError(f"'{_shown(map_)}' is not finite everywhere; do not divide by what may be 0.")
+            raise ValueError(
+                f"'{ast.unparse(map_)[:80]}' is not finite everywhere; do not divide by what may be 0."
+            )
         return np.broadcast_to(found, self._points.shape[:-1])
 
-    def _value(self, node: ast.expr, depth: int) -> Value:
-        def value(inner: ast.expr) -> Value:
-            return self._value(inner, depth + 1)
-
-        if depth > DEEPEST:
-            raise ValueError("The expressions are nested too deeply, or a variable uses itself.")
+    def _value(self, node: ast.expr) -> Value:
         match node:
             case ast.Constant(value=bool() | int() | float() as number) if abs(number) < LARGEST:
                 return np.float64(number)
             case ast.Name(id="x" | "y" | "z" as axis):
                 return self._coordinate("xyz".index(axis))
-            case ast.Name(id=name) if name in self._variables:
-                if name not in self._known:
-                    self._known[name] = value(self._variables[name])
-                return self._known[name]
             case ast.Attribute(value=owner, attr=name):
                 return self._attribute(owner, name)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
-                return _combined(op, value(left), value(right))
+                return _combined(op, self._value(left), self._value(right))
             case ast.UnaryOp(op=op, operand=operand):
-                return _combined(op, value(operand))
+                return _combined(op, self._value(operand))
             case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _ARITHMETIC:
-                return _combined(op, value(left), value(right))
-            case ast.BoolOp(op=op, values=[first, *rest]):
-                found = value(first)
-                for each in rest:
-                    found = _combined(op, found, value(each))
-                return found
+                return _combined(op, self._value(left), self._value(right))
+            case ast.BoolOp(op=op, values=values):
+                return reduce(partial(_combined, op), map(self._value, values))
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
-                return self._called(name, args, value)
-        raise ValueError(f"'{_shown(node)}' is not allowed here; use {WORDS} and arithmetic.")
+                return self._called(name, args)
+        raise ValueError(f"'{ast.unparse(node)[:80]}' is not allowed here; use {WORDS} and arithmetic.")
 
-    def _called(self, name: str, args: Sequence[ast.expr], value: Evaluate) -> Value:
+    def _called(self, name: str, args: Sequence[ast.expr]) -> Value:
         try:
             if name in _PLACES:
-                return self._place(_PLACES[name], args, value)
+                lengths = [float(self._value(a)) for a in args[1:]]
+                if wrong := next((length for length in lengths if 0.0 < abs(length) < 1.0), 0.0):
+                    raise ValueError(f"A length is {wrong:g}; lengths are millimetres: 0.1 m is 100.")
+                return _PLACES[name](self._points, self._object(args[0]), *(1e-3 * v for v in lengths))
             if name in FUNCTIONS:
-                return np.asarray(FUNCTIONS[name](*map(value, args)))
+                return np.asarray(FUNCTIONS[name](*map(self._value, args)))
         except (TypeError, IndexError):
             raise ValueError(f"{name}() does not take these {len(args)} arguments.") from None
         raise ValueError(f"There is no {name}(); there are {WORDS}.")
@@ -159,13 +137,6 @@ class MapInterpreter:
             raise ValueError(f"Objects have no '{name}'; they have {', '.join(sides)}.")
         return np.float64(1e3 * sides[name])
 
-    def _place(self, place: Callable[..., Value], args: Sequence[ast.expr], value: Evaluate) -> Value:
-        lengths = [float(value(a)) for a in args[1:]]
-        for length in lengths:
-            if 0.0 < abs(length) < 1.0:
-                raise ValueError(f"A length is {length:g}; lengths are millimetres: 0.1 m is 100.")
-        return place(self._points, self._object(args[0]), *(1e-3 * v for v in lengths))
-
     def _object(self, node: ast.expr) -> SceneObject:
         name = node.id if isinstance(node, ast.Name) else node.value if isinstance(node, ast.Constant) else ""
         if not isinstance(name, str) or name not in self._ids:
@@ -179,11 +150,6 @@ def _combined(op: ast.AST, *values: Value) -> Value:
         return np.asarray(_ARITHMETIC[type(op)](*values))
     except TypeError:  # the sign of a condition: numpy has none
         return np.asarray(_ARITHMETIC[type(op)](*(np.asarray(v, dtype=np.float64) for v in values)))
-
-
-def _shown(node: ast.expr) -> str:
-    text = ast.unparse(node)
-    return text if len(text) <= 80 else f"{text[:80]}..."
 
 
 def _to(points: FloatArray, place: FloatArray) -> FloatArray:

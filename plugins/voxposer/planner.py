@@ -17,7 +17,7 @@ from gvla2.planning.scene import Box, Scene
 from gvla2.planning.scene_brief import LEGEND, scene_brief
 from gvla2.skills.model_planning import ask_for_path, context, instruction_in, nothing_to_ask
 from gvla2.skills.path_lifting import PathPoint
-from gvla2_plugins.voxposer.maps import MapInterpreter, MapProgram, read_program
+from gvla2_plugins.voxposer.maps import MapInterpreter, Move, read_program
 from gvla2_plugins.voxposer.voxel_route import VoxelGrid
 
 if TYPE_CHECKING:
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
 
 
 def stops(
-    program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig
+    moves: Sequence[Move], request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig
 ) -> list[PathPoint]:
     """The hand's path, open at first; raises :class:`ValueError` for maps without a meaning."""
     scene, arm = request.scene, request.arm
     low = np.maximum(scene.workspace.low, arm.workspace.low).clip(min=[-np.inf, -np.inf, scene.table_height])
     box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
     grid = VoxelGrid.over(box, c.voxel)
-    everywhere = MapInterpreter(scene, ids, program, grid.centres())
+    everywhere = MapInterpreter(scene, ids, grid.centres())
     found: list[PathPoint] = []
     at, gripper, held = np.clip(request.start[:3, 3], box.low, box.high), 1.0, ""
-    for stage in program.stages:
-        maps = {name: everywhere.values(map_) for name, map_ in stage.items()}
+    for move in moves:
+        maps = {name: everywhere.values(map_) for name, map_ in move.items()}
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
-        peak = grid.peak(partial(_values, stage["affordance"], scene, ids, program), avoided)
+        peak = grid.peak(partial(_values, move["affordance"], scene, ids), avoided)
         goal = np.clip(peak, box.low, box.high)
         # Not obstacles: the start and end of the move, held objects, and the target of a closed, empty hand.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
@@ -60,10 +60,8 @@ def stops(
     return found
 
 
-def _values(
-    map_: ast.expr, scene: Scene, ids: Mapping[str, str], program: MapProgram, points: FloatArray
-) -> FloatArray:
-    return MapInterpreter(scene, ids, program, points).values(map_)
+def _values(map_: ast.expr, scene: Scene, ids: Mapping[str, str], points: FloatArray) -> FloatArray:
+    return MapInterpreter(scene, ids, points).values(map_)
 
 
 class VoxPoserPlanner:

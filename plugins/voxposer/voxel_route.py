@@ -32,8 +32,6 @@ class VoxelGrid:
     @classmethod
     def over(cls, box: Box, size: float) -> VoxelGrid:
         """The grid that covers a box; raises :class:`ConfigurationError` for too many voxels to search."""
-        if not 0.001 <= size <= 0.2:
-            raise ConfigurationError(f"Voxels of {size} m make no grid; choose 0.001 to 0.2.")
         shape = np.maximum(np.ceil((box.high - box.low) / size - 1e-9).astype(int), 1)
         if int(np.prod(shape)) > MOST_VOXELS:
             raise ConfigurationError(

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gvla2.episode.advice import advice_for
 from gvla2.episode.failure_diagnosis import diagnose
 from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.transform import rigid
-from gvla2.planning.contracts import Candidate, Done, Plan
+from gvla2.planning.contracts import Candidate, Plan
 from gvla2.planning.effects import Order
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
@@ -183,15 +182,6 @@ def test_a_cap_that_stayed_on_is_turned_further(z: float, width: float, expected
         "twist", before, after, TWIST, {"turn": 1.5}, width=width, held=None, roles={"theme": "k"}
     )
     assert signals_of(record) == expected
-
-
-def test_what_was_turned_of_a_cap_that_stayed_on_reaches_the_next_attempt() -> None:
-    caps = {h: (an_object("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, 0.4)}
-    for after, done in ((0.285, [Done("twist", "turn", 1.5, (0.3, 0.0, TABLE + 0.285))]), (0.4, [])):
-        tried = episode("twist", caps[0.285], caps[after], TWIST, {"turn": 1.5}, width=0.026, held=None,
-                        roles={"theme": "k"})  # fmt: skip
-        advice = advice_for(replace(tried, attempts=(tried,)))
-        assert advice.done == tuple(done)
 
 
 def test_an_approach_is_forbidden_when_another_one_is_left() -> None:

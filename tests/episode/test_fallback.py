@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from gvla2.commands.run import build_components
+from gvla2.episode.lessons import stories_of
 from gvla2.episode.loop import EpisodeRequest, run_episode
-from gvla2.episode.memory_reporting import stories_of
 from gvla2.language import MalformedAnswerError, ModelUnavailableError
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.trajectory import Trajectory
@@ -60,7 +60,7 @@ def declined(kind):
 FAILING = {
     "no model": (ModelUnavailableError("nobody there"),),
     "a cut answer": (MalformedAnswerError("cut off"),),
-    "no plan, twice": ("rubbish", "rubbish"),
+    "no plan": ("rubbish",),
     "no means": (declined("other"),),
     "no skill": (declined("unknown_skill"),),
     "no reach": (declined("unreachable"),),

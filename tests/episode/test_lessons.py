@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from gvla2.episode.lessons import memory_episode, memory_task, transcript
@@ -80,13 +79,6 @@ def test_a_slip_asks_for_a_deeper_grasp_within_the_object() -> None:
     assert bounds(episode(slipped, theta={})) == []
 
 
-def test_closing_on_nothing_is_no_slip() -> None:
-    missed = episode({2: {"held": False, "gripper_width": 0.0, "abort": "slipped"}})
-    assert kinds(missed) == ["missed_grasp"]
-    (lesson,) = memory_episode(missed, FAIL).lessons
-    assert lesson.effect is None
-
-
 def test_contact_on_the_way_asks_for_more_clearance() -> None:
     touched = episode({0: {"contacts": ("panda_hand",)}})
     assert bounds(touched) == [("bound", "transit_clearance", ">=", 0.07)]
@@ -136,18 +128,3 @@ def test_a_transcript_describes_the_episode_and_is_bounded() -> None:
     crowd = scene(*(scene_object(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
     assert len(transcript(replace(record, scene=crowd))) <= 8000
     assert "abstained" in transcript(replace(record, plan=Plan(None, abstention=Abstention("other", "no"))))
-
-
-@pytest.mark.parametrize(
-    ("extents", "words"),
-    [
-        ((0.05, 0.05, 0.05), "a small red box"),
-        ((0.02, 0.02, 0.06), "a tall small red box"),
-        ((0.3, 0.2, 0.02), "a flat large red box"),
-        ((0.12, 0.09, 0.07), "a medium red box"),
-    ],
-)
-def test_lessons_name_size_and_build(extents: tuple[float, float, float], words: str) -> None:
-    shaped = replace(SCENE["a"], extents=np.array(extents))
-    (lesson, *_) = memory_episode(episode(scene=SCENE.with_object(shaped)), SUCCESS).lessons
-    assert words in lesson.content

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.episode.advice import advice_for
 from gvla2.episode.lessons import memory_episode, memory_task
+from gvla2.episode.planning import advice_for
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import MemoryContext

@@ -12,7 +12,6 @@ import pytest
 from gvla2.commands.hydra_job import explain
 from gvla2.commands.run import build_components, run_episodes
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
-from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
@@ -184,16 +183,18 @@ def leave(self, request):
         (leave, RuntimeError, "RuntimeError: SystemExit(7) would have ended the process"),
     ],
 )
-def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatch, crash, error, shown):
+def test_a_crash_is_recorded_with_its_stage(
+    registry, compose_run, tmp_path, monkeypatch, crash, error, shown
+):
     from gvla2_plugins.skill.planner import SkillPlanner
 
     crash_in_its_module = types.FunctionType(crash.__code__, vars(sys.modules[SkillPlanner.__module__]))
     monkeypatch.setattr(SkillPlanner, "plan", crash_in_its_module)
     with pytest.raises(error) as caught:
         run_episodes(compose_run(*QUICK), registry, tmp_path / "out")
-    assert explain(caught.value) == f"{shown}. The planner 'skill' of plugin 'skill' crashed."
+    assert explain(caught.value) == shown
     failure = json.loads((tmp_path / "out" / "result.json").read_text())["failure"]
-    assert failure["message"] == f"The planner 'skill' of plugin 'skill' crashed: {shown}"
+    assert (failure["stage"], failure["message"]) == ("plan", shown)
 
 
 def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learned(parts_of):
@@ -219,22 +220,6 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learned(parts_of)
 
 def crash(*_):
     raise RuntimeError("a mistake of its own")
-
-
-def test_a_camera_that_the_robot_would_not_use_is_refused(parts_of):
-    with pytest.raises(
-        ConfigurationError, match=r"camera=replay does nothing with robot=sapien_panda.*piper"
-    ):
-        parts_of("camera=replay", "camera.path=nowhere")
-
-
-def test_a_perceiver_that_gives_no_scene_is_named(parts_of):
-    parts = parts_of(*SEEN, "memory=none")
-    blind = Wrapped(parts.perceiver, perceive=lambda *_: None)
-    record = run_episode(replace(parts, perceiver=blind), EpisodeRequest(seed=1))
-    assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
-    who = "The perceiver 'classical' of plugin 'classical'"
-    assert record.failure.message.startswith(f"{who} gave no valid scene. perceive()'s answer must be Scene")
 
 
 def test_nobody_writes_into_what_others_see(parts_of):
@@ -291,11 +276,3 @@ def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, shown
     assert record.success_check.relaxed
     for note, what in zip(record.notes, ("Memory was not used: ", "Nothing was learned: "), strict=True):
         assert note.startswith(f"{what}The memory 'governed' of plugin 'governed' {shown}")
-
-
-def test_the_same_seed_twice_is_the_same_episode(parts_of):
-    parts = parts_of(*SEEN, "memory=none")
-    first, second = (run_episode(parts, EpisodeRequest(seed=5)) for _ in range(2))
-    assert first.plan.trajectory.to_json() == second.plan.trajectory.to_json()
-    np.testing.assert_array_equal(first.report.joint_path, second.report.joint_path)
-    assert first.success_check == second.success_check

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from gvla2.episode.advice import advice_for, with_sound_effects
 from gvla2.episode.lessons import memory_episode, memory_task
+from gvla2.episode.planning import advice_for, with_sound_effects
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.calls import SkillCall

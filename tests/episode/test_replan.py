@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_components
-from gvla2.episode.advice import advice_for
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
+from gvla2.episode.planning import advice_for
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Prior

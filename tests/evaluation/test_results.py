@@ -7,7 +7,7 @@ from gvla2.evaluation.results import Cell, Results, file_of
 
 
 def cell(key: str, **factors) -> Cell:
-    return Cell(key, {"object": "mug", **factors}, {"psnr": 20.0, "lpips": None}, {"status": "ok"})
+    return Cell(key, {"object": "mug", **factors}, {"psnr": 20.0, "ssim": None}, {"status": "ok"})
 
 
 def open_at(tmp_path) -> Results:
@@ -21,8 +21,8 @@ def test_cells_come_back_as_they_were(tmp_path):
     with open_at(tmp_path) as results:
         cells = results.cells("s")
         assert [c.key for c in cells] == ["a", "b"]
-        assert cells[0].measures == {"psnr": 20.0, "lpips": None}
-        assert cells[0].flat() == {"object": "mug", "seed": 0, "psnr": 20.0, "lpips": None, "status": "ok"}
+        assert cells[0].measures == {"psnr": 20.0, "ssim": None}
+        assert cells[0].flat() == {"object": "mug", "seed": 0, "psnr": 20.0, "ssim": None, "status": "ok"}
         assert [c.key for c in results.cells("s", {"seed": ["1"]})] == ["b"]
         assert results.cells("s", runs=[run + 1]) == []
         assert results.cells("other") == []

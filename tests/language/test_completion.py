@@ -33,16 +33,6 @@ def test_reasoning_in_a_field_of_its_own():
     assert (read.reasoning, read.text) == ("it is so", "yes")
 
 
-def test_content_in_parts_is_joined():
-    body = said("")
-    body["choices"][0]["message"]["content"] = [
-        {"type": "text", "text": "a"},
-        {"type": "image"},
-        {"text": "b"},
-    ]
-    assert read_completion(body).text == "ab"
-
-
 def thinking(answer: str = "<score>B</score>") -> dict[str, Any]:
     """A stream that holds the reasoning as well, with a score of its own in it."""
     body = said(answer, reasoning="maybe <score>A</score>")

@@ -255,25 +255,6 @@ def test_the_same_question_is_asked_once_and_costs_once(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    "change", [{"model": "n"}, {"temperature": 0.7}, {"max_tokens": 9}, {"extra": {"top_k": 1}}], ids=str
-)
-def test_another_question_is_another_answer(tmp_path: Path, change: dict[str, Any]):
-    with LocalModel(counting()) as model:
-        ask(endpoint(model, cache=str(tmp_path)))
-        assert not ask(endpoint(model, cache=str(tmp_path), **change)).cached
-        for request in (
-            Request(ASK, seed=1, temperature=0.1),
-            Request(ASK, logprobs=True),
-            Request(ASK, schema={"type": "object"}),
-            Request(ASK, schema={"type": "array"}),
-            Request(ASK, grammar='root ::= "a"'),
-            Request([{"role": "user", "content": "?"}]),
-        ):
-            (answer,) = endpoint(model, cache=str(tmp_path)).complete_all([request], purpose="plan")
-            assert not answer.cached
-
-
-@pytest.mark.parametrize(
     "damage",
     ["", "{", "[]", "[" * 100_000, '{"choices": []}', '{"choices": 3}', 7, b"\xff"],
     ids=range(8),
@@ -286,21 +267,6 @@ def test_damaged_entries_are_asked_for_anew_and_rewritten(tmp_path: Path, damage
                 cache[key] = damage
         assert ask(endpoint(model, cache=str(tmp_path))).text == "2"
         assert ask(endpoint(model, cache=str(tmp_path))).cached
-
-
-def test_a_destroyed_cache_loses_no_answer_and_is_reported_once(tmp_path: Path, caplog):
-    with LocalModel(counting()) as model:
-        ask(endpoint(model, cache=str(tmp_path)))
-        (tmp_path / "cache.db").write_bytes(b"no database at all" * 100)
-        language = endpoint(model, cache=str(tmp_path))
-        assert [ask(language).text, ask(language).text] == ["2", "3"]
-    assert [r.levelname for r in caplog.records if "not cached" in r.getMessage()] == ["WARNING"]
-
-
-def test_answers_without_words_are_not_kept(tmp_path: Path):
-    with LocalModel(lambda _: said("<think>too long", finish="length")) as model:
-        for _ in range(2):
-            assert not ask(endpoint(model, cache=str(tmp_path))).cached
 
 
 # What a server does not take is left out, and not asked for again

@@ -39,11 +39,6 @@ def test_without_admission_what_is_ours_is_let_in_and_nothing_else() -> None:
     assert weigh(HINT, UNSURE, BankOptions(admission=False), trust="foreign").state == "provisional"
 
 
-def test_a_model_names_its_evidence() -> None:
-    decision = weigh(HINT, YES, ungrounded="it names no evidence in the episode")
-    assert (decision.state, decision.note) == ("provisional", "it names no evidence in the episode")
-
-
 def test_a_verdict_that_contradicts_itself_is_not_believed() -> None:
     assert credible(YES) == (YES, "")
     odd, note = credible(replace(YES, quality=0.2))

@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.memory import KnowledgeBank, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.admission import pooled_effects
-from gvla2.memory.transaction import Transaction
 
 Open = Callable[..., Any]
 BOUND = {"kind": "bound", "parameter": "grasp_depth", "value": 0.03, "op": ">=", "sd": 0.0, "count": 0,
@@ -53,31 +52,6 @@ def test_a_verified_hint_is_recalled_with_its_effect(open_bank: Open, episode: O
     assert item.confidence == pytest.approx(verdicts["success"].confidence)
     assert item.score == pytest.approx(sum(item.terms.values()))
     assert item.id in context.text
-
-
-@pytest.mark.parametrize(
-    "query",
-    [
-        "What is the capital of France?",
-        "Bake a chocolate cake for the party",
-        "Wie wird das Wetter morgen in Berlin?",
-        "Сколько сейчас времени в Москве?",
-        "今天天气怎么样",
-        "Recommend a small restaurant near the station",
-        "the of and to it",
-        "",
-    ],
-)
-def test_an_irrelevant_query_recalls_nothing_and_says_why(
-    open_bank: Open, episode: Open, verdicts: Any, query: str
-) -> None:
-    bank = open_bank()
-    for words in ("Pick up the red cube", "Nimm den roten Würfel", "拿起红色方块", "Возьми красный кубик"):
-        bank.learn(episode(words, lesson(), AVOID), verdicts["success"])
-    context = bank.recall(MemoryTask(query))
-    assert context.items == ()
-    assert context.text == ""
-    assert context.abstained
 
 
 @pytest.mark.parametrize(
@@ -166,11 +140,11 @@ def test_repeats_merge_counts_priors_confidence_and_phrasings(
     assert bank.records()[0].confidence == pytest.approx(before)  # as sure as each of them was
 
 
-def test_case_width_and_spacing_make_no_new_lesson(open_bank: Open, episode: Open, verdicts: Any) -> None:
+def test_case_and_spacing_make_no_new_lesson(open_bank: Open, episode: Open, verdicts: Any) -> None:
     bank = open_bank()
-    for words in ("Keep the wrist level", "keep  the WRIST\nlevel", "ｋｅｅｐ the wrist level"):
+    for words in ("Keep the wrist level", "keep  the WRIST\nlevel"):
         bank.learn(episode("Pour", Lesson("procedural_hint", words), skill=""), verdicts["success"])
-    assert [r.count for r in bank.records()] == [3]
+    assert [r.count for r in bank.records()] == [2]
 
 
 def test_the_tighter_of_two_bounds_holds(open_bank: Open, episode: Open, verdicts: Any) -> None:
@@ -179,13 +153,6 @@ def test_the_tighter_of_two_bounds_holds(open_bank: Open, episode: Open, verdict
         failure = Lesson(AVOID.type, AVOID.content, {**BOUND, "value": value})
         bank.learn(episode("Pick up the red cube", failure), verdicts["fail"])
     assert [r.effect_json()["value"] for r in bank.records()] == [0.05]
-
-
-def test_equal_lessons_of_one_episode_count_once(open_bank: Open, episode: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    learned = bank.learn(episode("Pick up the red cube", lesson(), lesson()), verdicts["success"])
-    assert (len(learned.added), learned.discarded) == (1, 1)
-    assert bank.records()[0].count == 1
 
 
 def test_usage_is_credited_after_a_verified_success_alone(
@@ -208,13 +175,6 @@ def test_usage_is_credited_after_a_verified_success_alone(
     assert credited[0].terms["usage"] == pytest.approx(math.log(2) / 8)
 
 
-def test_banks_in_one_database_do_not_meet(open_bank: Open, episode: Open, verdicts: Any) -> None:
-    open_bank("a").learn(episode("Pick up the red cube", lesson()), verdicts["success"])
-    assert not open_bank("b").recall(MemoryTask("Pick up the red cube")).items
-    open_bank("b").learn(episode("Pick up the red cube", lesson()), verdicts["success"])
-    assert open_bank("a").records()[0].id != open_bank("b").records()[0].id
-
-
 def test_switches(open_bank: Open, episode: Open, verdicts: Any) -> None:
     frozen = open_bank(frozen=True)
     assert "frozen" in frozen.learn(episode(), verdicts["success"]).notes[0]
@@ -224,30 +184,6 @@ def test_switches(open_bank: Open, episode: Open, verdicts: Any) -> None:
     many = [Lesson("tool_usage", f"lesson {i}") for i in range(9)]
     capped = open_bank(max_per_episode=4).learn(episode("q", *many), verdicts["success"])
     assert (len(capped.added), capped.discarded) == (4, 5)
-
-
-def test_interrupting_a_transaction_stores_nothing_of_it(
-    open_bank: Open, episode: Open, verdicts: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    bank = open_bank()
-    bank.learn(episode("Pick up the red cube", lesson()), verdicts["success"])
-    context = bank.recall(MemoryTask("Pick up the red cube"))
-    before = bank.records()
-    calls = []
-    finish = Transaction.finish
-
-    def stop_when_written(self: Transaction) -> None:
-        finish(self)
-        calls.append(1)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Transaction, "finish", stop_when_written)
-    with pytest.raises(KeyboardInterrupt):
-        bank.learn(
-            episode("Pick up the red cube", lesson(), TOOL, AVOID, recalled=context), verdicts["success"]
-        )
-    assert calls
-    assert bank.records() == before
 
 
 def test_unsound_effects_and_odd_text_are_survived(open_bank: Open, episode: Open, verdicts: Any) -> None:
@@ -310,22 +246,6 @@ def test_recall_learn_and_credit(tmp_path: Path) -> None:
         assert next(record.usage for record in bank.records() if record.id == id) == 1
     with KnowledgeBank(str(tmp_path / "memory.db")) as bank:
         assert bank.recall("sort a file").items
-
-
-def test_a_failure_teaches_a_constraint_and_an_open_end_nothing_sure(tmp_path: Path) -> None:
-    with KnowledgeBank(tmp_path / "memory.db") as bank:
-        (id,) = bank.learn("open the jar", "- turned the lid\nerror: the lid is stuck", success=False).added
-        assert id.startswith("avoid-")
-        assert bank.learn("fold the towel", "- took a corner", lessons=["Fold it twice."]).provisional
-        assert bank.recall("fold the towel").items == ()
-
-
-def test_what_is_admitted_without_trust_waits(tmp_path: Path) -> None:
-    with KnowledgeBank(tmp_path / "memory.db") as bank:
-        assert bank.admit("Salt the soup at the end.", task="cook a soup", source="a colleague").provisional
-        assert bank.admit("Stir the soup slowly.", task="cook a soup", trusted=True).added
-        assert [r.content for r in bank.records(["active"])] == ["Stir the soup slowly."]
-        assert len(bank.recall("cook a soup").items) == 1
 
 
 def test_mistakes_are_named(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What contradicts: typed effects exactly, texts by a judge; and what is one lesson in two inflections."""
+"""What contradicts: typed effects exactly, texts by a judge."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Judgement, Lesson, LessonPair
-from gvla2.memory.contradiction import BATCH, Judged, effects_conflict, same_lesson
+from gvla2.memory.contradiction import BATCH, Judged, effects_conflict
 from gvla2.memory.records import Record
 from tests.memory.looking import look
 
@@ -71,20 +71,6 @@ def test_effects_that_fit_or_cannot_be_compared(first: dict[str, Any], second: d
     assert effects_conflict(second, first) == ""
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "same"),
-    [
-        ("Grip the mug by its handles, near the top.", "Grip a mug by its handle near the top!", True),
-        ("Lift the crate 15 cm before turning.", "Lift the crate 16 cm before turning.", False),
-        ("Turn the lid to the left.", "Turn the lid to the right.", False),
-        ("Wrap it and pack it.", "Pack it and wrap it.", False),
-        ("Open the lid before pouring.", "Do not open the lid before pouring.", False),
-    ],
-)
-def test_the_same_in_another_inflection_is_one_lesson(first: str, second: str, same: bool) -> None:
-    assert same_lesson(record("a", content=first), record("b", content=second)) is same
-
-
 def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     at_least = Lesson("procedural_hint", "Lift it at least 15 cm.", bound(">=", 0.15))
@@ -102,36 +88,6 @@ def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, ve
     assert bank.admit(at_most, verdicts["unavailable"], task="cup").discarded
     assert {r.id: r.state for r in bank.records()} == {old: "active", new: "archive"}
     assert bank.verify() == []
-
-
-def test_texts_that_may_contradict_each_other_both_stay(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    for text in ("Open the lid before pouring the tea.", "Close the lid before pouring the tea."):
-        bank.admit(text, verdicts["success"], task="pour the tea", trusted=True)
-    assert [r.state for r in bank.records()] == ["active", "active"]
-    assert not look(bank.store, bank.bank).links()
-
-
-def test_a_merge_pools_evidence_and_phrasings(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    first, other = "Grip the mug by its handle near the top.", "Grip mugs by its handle, near the top"
-    (kept,) = bank.admit(first, verdicts["success"], task="take the mug", trusted=True).added
-    for task in ("fetch the mug", "bring the mug"):
-        assert bank.admit(other, verdicts["success"], task=task, trusted=True).merged == (kept,)
-    (record,) = bank.records()
-    assert record.count == 3
-    assert record.query.split("\n") == ["take the mug", "fetch the mug", "bring the mug"]
-
-
-def test_programs_never_contradict_each_other_nor_merge(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    for step in ("place({theme}, {goal}, in)", "push({theme}, left)"):
-        roles = {"theme": "cup"}
-        effect = {"kind": "program", "skill": "place", "language": "calls", "roles": roles, "steps": [step]}
-        lesson = Lesson("procedural_hint", "This program put the cup into the box.", effect)
-        bank.admit(lesson, verdicts["success"], task="tidy up", trusted=True)
-    assert [(r.state, r.count) for r in bank.records()] == [("active", 1)] * 2
-    assert not look(bank.store, bank.bank).links()
 
 
 # By a judge

@@ -102,26 +102,6 @@ def test_vectors_of_another_model_or_missing_are_made_anew(store: Store) -> None
         np.testing.assert_array_equal(index.get(record.id).vector, vector)
 
 
-def test_nearest_is_exact(store: Store) -> None:
-    records = lessons(300, now=NOW)
-    put(store, records)
-    index = fresh(store)
-    table = record_vectors(EMBEDDER, [(r.query, r.content) for r in records])
-    vector = EMBEDDER.embed([QUERY])[0]
-    near = index.nearest(vector, 10)
-    np.testing.assert_allclose([cosine for _, cosine in near], np.sort(table @ vector)[::-1][:10], atol=1e-6)
-    truth = {records[i].id for i in np.argsort(-(table @ vector), kind="stable")[:10]}
-    assert {record.id for record, _ in near} == truth
-    assert index.nearest(np.zeros(256, np.float32), 3) == index.nearest(vector, 0) == []
-    assert len(index.nearest(vector, 5000)) == 300
-
-
-def test_an_empty_bank(store: Store) -> None:
-    index = fresh(store)
-    assert active(index) == index.nearest(EMBEDDER.embed(["cube"])[0], 3) == []
-    assert index.candidates(["active"]).lexical("cube").shape == (0,)
-
-
 def test_another_database_in_its_place_is_read_anew(store: Store, tmp_path: Path) -> None:
     for seed in (1, 2, 3):
         put(store, lessons(5, seed, now=NOW))

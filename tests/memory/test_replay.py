@@ -89,14 +89,6 @@ def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verd
     assert states == {"procedural_hint": "archive", "failure_avoidance": "active"}
 
 
-def test_sure_records_are_left_alone(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    bank.learn(learned(), verdicts["success"])
-    judge = Judge(verdicts["fail"])
-    assert bank.replay(judge).episodes == 0
-    assert judge.seen == []
-
-
 def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     for i in range(9):
@@ -107,15 +99,6 @@ def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, 
     assert replayed.demoted == []
     (hint,) = [r for r in bank.records(["active"]) if r.type == "procedural_hint"]
     assert 0.4 <= hint.confidence < 0.85
-
-
-def test_a_verifier_that_is_fooled_promotes_nothing_from_outside(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    bank.admit("Open the gripper wide above the shelf.", verdicts["success"], task="stow it", source="web")
-    for _ in range(10):
-        bank.replay(Judge(verdicts["success"]))
-    (record,) = bank.records()
-    assert (record.state, record.trust) == ("provisional", "foreign")
 
 
 def test_learning_verifies_one_earlier_episode_again(open_bank: Open, verdicts: Any) -> None:

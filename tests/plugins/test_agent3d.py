@@ -41,12 +41,6 @@ def test_a_lift_takes_the_object_up(answer):
     assert plan.program.steps[2] == ("{theme}", 0, 0, "-0.48h", 0)
 
 
-def test_a_closed_hand_pushes_towards_another_object():
-    plan = planned(PUSH)
-    assert (plan.skill, plan.roles["theme"]) == ("push", "red_cube"), plan.abstention
-    passes(plan)
-
-
 def test_what_cannot_be_carried_out_goes_back_with_its_reason():
     nowhere = LIFT.replace("[", '[["red_cube",300,0,100,1],', 1).replace(
         '"red_cube",0,0,-25', '"red_cube",300,0,-25'

@@ -5,11 +5,10 @@ import time
 
 import pytest
 
-from gvla2.planning.calls import SkillCall, written
 from gvla2.planning.scene_brief import scene_brief
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.examples import EXAMPLES
+from gvla2_plugins.code_policies.planner import worked_examples
 from gvla2_plugins.code_policies.programs import Declined, fitting, grammar, read_calls
 
 REQUEST = inputs.plan_request()
@@ -33,14 +32,6 @@ def run(text):
 )
 def test_programs_make_calls(program, calls):
     assert run(program) == calls
-
-
-def test_a_call_is_written_as_it_is_read():
-    names = {i: n for n, i in IDS.items()}
-    for line in ("pick(red)", "place(red, blue, in)", "push(red, left, 50)", "push(blue, red)"):
-        (call,) = read_calls(line, IDS, STANDARD)
-        assert written(call, names) == line
-    assert written(SkillCall("place", "red_cube", xy=(0.3, 0.1)), names) == ""
 
 
 @pytest.mark.parametrize(
@@ -93,7 +84,9 @@ def test_the_grammar_of_calls_is_well_formed_and_has_what_fits():
     assert "amount" not in rules(grammar(STANDARD, FITS, "push the cube to the left"))["call"]
 
 
-@pytest.mark.parametrize(("skill", "example"), [(s, e) for s, each in EXAMPLES.items() for e in each])
+@pytest.mark.parametrize(
+    ("skill", "example"), [(s, e) for s, each in worked_examples().items() for e in each]
+)
 def test_examples_can_be_read(skill, example):
     names = {line.partition(" ")[0] for line in example.objects.splitlines()}
     (call,) = read_calls(example.call, {n: n for n in names}, STANDARD)

@@ -33,7 +33,3 @@ def test_a_status_that_says_nothing_is_unavailable_with_a_reason(status: object)
     verdict = judge({"exit_status": status})
     assert verdict.outcome == "unavailable"
     assert 0 < len(verdict.reasons[0]) < 300
-
-
-def test_the_fact_is_an_option():
-    assert judge({"code": 1, "exit_status": 0}, fact="code").outcome == "verified_fail"

@@ -4,21 +4,17 @@ import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.memory.bank import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.induction import RulesInducer
-from gvla2.memory.store import settled
 from gvla2.testing import check_component
 from gvla2_plugins import embedders, governed, hybrid
-from gvla2_plugins.governed import GovernedConfig
-from gvla2_plugins.governed.memory import GovernedMemory
+from gvla2_plugins.governed import GovernedMemory
 
 TASK = MemoryTask("Pick up the red cube", {"objects": 3.0}, "pick")
 LESSON = Lesson("procedural_hint", "Pick up a small box: grasp it deep.")
@@ -129,17 +125,6 @@ def test_a_lock_taken_in_mid_run_stores_nothing_of_the_episode(memory: GovernedM
     assert len(memory.recall(TASK).items) == 1
 
 
-def test_where_the_bank_lives_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert settled("", {"GVLA2_HOME": "/a", "XDG_DATA_HOME": "/b"}) == "sqlite:////a/memory.db"
-    assert settled("", {"XDG_DATA_HOME": "/b"}) == "sqlite:////b/gvla2/memory.db"
-    assert settled("", {}) == f"sqlite:///{Path.home() / '.local/share/gvla2/memory.db'}"
-    monkeypatch.setenv("GVLA2_HOME", str(tmp_path / "home"))
-    memory = build()
-    memory.learn(EPISODE, SUCCESS)
-    memory.close()
-    assert (tmp_path / "home" / "memory.db").exists()
-
-
 def test_a_relative_address_does_not_follow_the_working_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -162,16 +147,6 @@ def test_values_that_cannot_be_are_errors_at_once() -> None:
         build(retrieval="psychic")
     with pytest.raises(ConfigurationError, match="active_budget"):
         build(active_budget=-1)
-
-
-def test_switches_reach_the_bank(path: Path) -> None:
-    memory = build(url=f"sqlite:///{path}", frozen=True)
-    assert "frozen" in memory.learn(EPISODE, SUCCESS).notes[0]
-    memory.close()
-    ours, theirs = ({field.name: field.default for field in fields(c)} for c in (GovernedConfig, BankOptions))
-    assert {
-        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds")
-    } == theirs
 
 
 def test_conformance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,9 +36,3 @@ def test_options_reach_the_retriever() -> None:
     assert "9.00 is required" in strict.rank(task, candidates(TEXTS), vector)[1]
     one = semantic.build(SemanticConfig(name="semantic", top_k=1))
     assert len(one.rank(task, candidates(TEXTS), vector)[0]) == 1
-
-
-def test_configuration_is_light_and_typed() -> None:
-    config = HybridConfig()
-    assert (config.lexical_weight, config.cosine_weight, config.top_k) == (0.6, 0.4, 3)
-    assert (config.min_evidence, config.min_score, config.weights.verified) == (0.3, 1.2, 0.3)

@@ -80,11 +80,6 @@ def test_rules_step_in_where_the_model_fails(answer: str, status: int) -> None:
     assert found
 
 
-def test_no_server_at_all() -> None:
-    found = language("http://127.0.0.1:9/v1", timeout=2.0).induce(EPISODE, FAIL)
-    assert found == RulesInducer().induce(EPISODE, FAIL)
-
-
 def test_an_answer_of_the_wrong_form_is_asked_for_again():
     answers = [said("Nothing to say."), said(LESSONS)]
     with LocalModel(lambda _: answers.pop(0)) as model:

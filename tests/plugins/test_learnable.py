@@ -90,7 +90,7 @@ class Slide:
 
 
 def caught(until: float = float("inf")):
-    catches = pytest.importorskip("gvla2_plugins.sapien.threads")
+    catches = pytest.importorskip("gvla2_plugins.sapien.bodies")
     held = Joint("slide", "prismatic", "a", "b", np.eye(3)[0], np.zeros(3), (0.0, 0.2))
     slide = Slide()
     one = catches.Caught(

@@ -113,23 +113,6 @@ def test_others_changes_are_followed_and_restarts_survived(store: Store):
     assert look(store, "b").verify() == []
 
 
-class Coarse:
-    """Another model: the first numbers of the same vectors."""
-
-    model = "coarse"
-
-    def embed(self, texts):
-        rows = StaticEmbedder().embed(texts)[:, :64]
-        return rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-9)
-
-
-def test_vectors_of_another_model_are_made_anew(store: Store):
-    shelf(store).add([Draft((lesson("one"),))], episode("lift the cup"), GOOD, actor="t")
-    coarse = VectorStore(store, "b", Coarse())
-    (found,) = coarse.nearest("lift the cup", 1)
-    assert found.similarity == pytest.approx(1.0, abs=1e-6)
-
-
 def test_the_content_counts_where_it_is_asked_for(store: Store):
     kept = shelf(store, of_content=True)
     kept.add(
@@ -145,8 +128,3 @@ def test_texts_of_any_kind_can_be_asked_and_kept(store: Store, text: str):
     kept.add([Draft((lesson(text or "-"),))], episode(text), GOOD, actor="t")
     assert all(np.isfinite(found.similarity) for found in kept.nearest(text, 3))
     assert look(store, "b").verify() == []
-
-
-def test_nothing_to_keep_leaves_no_trace(store: Store):
-    assert shelf(store).add([], episode("q"), GOOD, actor="t") == ([], [])
-    assert store.rev("b") == 0

@@ -8,8 +8,7 @@ import pytest
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.testing import check_perceiver, inputs
 from gvla2_plugins.open_vocabulary import VocabularyConfig
-from gvla2_plugins.open_vocabulary.models import load_sam3
-from gvla2_plugins.open_vocabulary.perceiver import FoundMask, VocabularyPerceiver, named_in
+from gvla2_plugins.open_vocabulary.perceiver import MaskCandidate, VocabularyPerceiver, load_sam3, named_in
 
 
 class Knows:
@@ -26,7 +25,7 @@ class Knows:
             if channel is not None:
                 rest = [c for c in range(3) if c != channel]
                 mask = image[..., channel].astype(int) > image[..., rest].max(axis=-1).astype(int) + 60
-                found.append(FoundMask(mask, 0.9, word))
+                found.append(MaskCandidate(0, mask, 0.9, word))
         return found
 
 
@@ -73,7 +72,7 @@ def test_weights_that_are_absent_or_another_model(tmp_path):
     with pytest.raises(ConfigurationError, match="is a 'bert'"):
         load_sam3(str(tmp_path))
     (tmp_path / "config.json").write_text("{")
-    with pytest.raises(ConfigurationError, match="cannot be read"):
+    with pytest.raises(ConfigurationError, match="does not load"):
         load_sam3(str(tmp_path))
 
 

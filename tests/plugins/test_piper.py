@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.planning.scene import Box, Scene
-from gvla2.robot.workcell import make_cell
 from gvla2.testing.robot import check_camera, check_robot
 from gvla2_plugins import piper
 from gvla2_plugins.piper import PiperConfig, frames
@@ -23,7 +22,6 @@ from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.feedback import Feedback
 from gvla2_plugins.piper.link import PiperLink, import_sdk
 from gvla2_plugins.piper.writer import CommandLog, WriterLock
-from gvla2_plugins.sapien import SapienPiperConfig
 from tests.plugins.piper_rig import logged_frames, read_log
 from tests.plugins.synthetic_table import Scenery
 from tests.plugins.virtual_piper import PARKED, VirtualArm, pair
@@ -55,12 +53,6 @@ def test_home_and_the_parked_pose_touch_nothing(arm):
     scene = Scene((), 0.0, WORKSPACE)
     for joints in (HOME, PARKED):
         assert arm.clearance(np.array(joints), 1.0, scene).distance > 0.005
-
-
-def test_the_block_under_the_simulated_base_is_in_the_way(arm):
-    folded_down = np.array([0.0, 2.9, -0.4, 0.0, 0.0, 0.0])  # over the edge of the base, before the block
-    for one, free in ((arm, True), (make_cell(SapienPiperConfig()).arm, False)):
-        assert (one.clearance(folded_down, 1.0, Scene((), -2.0, WORKSPACE)).distance > 0) == free
 
 
 def message(arbitration_id, data):
@@ -159,14 +151,6 @@ def test_no_code_calls_what_drops_an_arm():
     folder = Path(piper.__file__).parent
     found = [p.name for p in folder.glob("*.py") if banned.search(p.read_text())]
     assert not found
-
-
-def test_echoes_are_told_from_other_programs():
-    feedback, data = Feedback(), pair(1, 2)
-    feedback.take(0x155, data, own=True)
-    assert not feedback.snapshot().foreign
-    feedback.take(0x155, data)
-    assert feedback.snapshot().foreign.startswith("155")
 
 
 def test_leaps_and_impossible_angles_are_not_believed():

@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 
 from gvla2.errors import RobotError
-from gvla2_plugins.piper import PiperConfig, frames, session
+from gvla2_plugins.piper import frames, session
 from gvla2_plugins.piper.arm import HOME, Bounds
-from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import SILENT_AFTER, SafetyStopError
 from gvla2_plugins.piper.session import ask_person, check_health, confirm
 from gvla2_plugins.piper.writer import CommandLog
 from tests.plugins.piper_rig import SWIFT, Rig, forbidden, logged_frames, read_log, waypoint
-from tests.plugins.synthetic_table import Scenery
 from tests.plugins.virtual_piper import Faults, VirtualArm, pair
 
 FAULTS = {
@@ -168,16 +166,6 @@ def test_another_program_on_the_bus_stops_the_arm(rig):
     with pytest.raises(SafetyStopError, match="another program commands the arm: frame 155"):
         one.go(waypoint(0.15), waypoint(-0.15), moment=lambda moment: other.send(intruder))
     other.shutdown()
-
-
-def test_a_second_writer_in_the_same_process_is_refused_too(rig, tmp_path):
-    one = rig()
-    one.robot.reset(None, 0)
-    config = PiperConfig(bus="virtual", channel=one.channel, armed=True, log=str(tmp_path / "b.jsonl"))
-    second = Piper(config, Scenery(8), lambda question: f"move {one.channel}")
-    with pytest.raises(RobotError, match="already commanded by another program"):
-        second.reset(None, 0)
-    second.close()
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,9 @@
 """The simulated Panda's world: reset, cameras, success check and what goes wrong, with real physics."""
 
-import sys
-
 import numpy as np
 import pytest
 
-from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
+from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import transform_points
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
@@ -136,9 +134,3 @@ def test_senseless_options_are_refused(options, message):
 
 
 # Installation
-
-
-def test_a_missing_package_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "sapien", None)
-    with pytest.raises(MissingDependencyError, match=r'pip install "gvla2\[sim\]"'):
-        gvla2_robots()[0].build(SapienPandaConfig())

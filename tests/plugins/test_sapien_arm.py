@@ -227,7 +227,7 @@ EMPTY = "<visual><geometry/></visual>"
         (None, {"tool_link": "tool7"}, r"tool_link=tool7 is not in the URDF\. It has: base, link1.*flange"),
         (None, {"gripper_joints": ["j1", "j2"]}, r"two prismatic.*j1 \(revolute\).*This arm has .*finger_a_joint"),
         (None, {"tool_rpy": [0.0, 1.5708, 0.0]}, r"slide along.*z must point out.*robot\.tool_rpy"),
-        (None, {"tool_link": "link3", "gripper_joints": [], "tool_rpy": [3.14159, 0, 0]}, "points down.*nowhere"),
+        (None, {"tool_link": "link3", "gripper_joints": [], "tool_rpy": [3.14159, 0, 0]}, "cannot point down"),
         (None, {"tool_link": "link5"}, "link5 and the gripper's hand are not one rigid part"),
         (None, {"home": [0.0, 1.0]}, r"home=\[0\.0, 1\.0\] must be 6 angles.*j1 -2\.79…2\.79"),
         (None, {"home": FOLDED}, r"At robot\.home=.*base is 65 mm in hand"),

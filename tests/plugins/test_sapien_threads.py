@@ -131,18 +131,6 @@ def squeeze(robot, xyz) -> None:
     assert report.completed, report.abort
 
 
-def test_true_state_tells_what_touches_and_what_was_let_go(panda):
-    place = (0.35, 0.1, TABLE_HEIGHT + 0.025)
-    panda.reset(Laid(block(place)), 0)
-    state = panda.true_state()
-    assert state.touching("block") == {"table"}
-    assert state.resting("block")
-    squeeze(panda, place)
-    assert state.held("block")
-    assert "robot" in state.touching("block")
-    assert not state.resting("block")
-
-
 def test_a_new_execution_does_not_let_go_of_what_is_held(panda):
     place = (0.35, 0.1, TABLE_HEIGHT + 0.025)
     panda.reset(Laid(block(place)), 0)

@@ -106,6 +106,16 @@ def tube(width, low, high, xy=(0.35, 0.1)) -> np.ndarray:
     return np.column_stack([side + xy, z + TABLE])
 
 
+def test_sides_are_those_of_who_faces_the_robot_and_a_goal_has_sides():
+    seen = request(RED, BLUE, TRAY)
+    seen = replace(seen, instruction="put the red cube to the left of the blue cube")
+    facing = replace(seen, scene=replace(seen.scene, viewpoint="facing"))
+    planner = SkillPlanner(SkillConfig())
+    assert at(planner.plan(facing), "place")[1] < BLUE.centre[1] - 0.05
+    aside = planner.plan(replace(seen, instruction="put the red cube in the left half of the tray"))
+    assert at(aside, "place")[:2] == pytest.approx(TRAY.centre[:2] + np.array([0.0, 0.0375]))
+
+
 CUP = named("c", "red cup", "cylinder", (0.35, 0.1, 0.07), (0.095, 0.095, 0.14), opening=0.087,
             points=np.concatenate([tube(0.095, 0.0, 0.14), tube(0.087, 0.01, 0.14)]))  # fmt: skip
 BOTTLE = named("b", "blue bottle", "other", (0.35, 0.1, 0.095), (0.09, 0.09, 0.19),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -12,14 +13,15 @@ import numpy as np
 import pytest
 
 from gvla2.geometry.transform import rigid
+from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import Box, Joint, Scene, SceneObject
 from gvla2.skills.grounding import Meant, meant
 from gvla2.skills.multi_step import first_part
 from gvla2_plugins.skill.planner import read
 from gvla2_plugins.skill.reading import Command, readings
 from gvla2_plugins.tabletop import gvla2_tasks
-from gvla2_plugins.tabletop_objects.asking import WORDINGS
+from gvla2_plugins.tabletop_objects.task import WORDINGS
 
 TASKS = {component.name: component for component in gvla2_tasks()}
 SPACE = Box(np.array([-0.3, -0.7, 0.75]), np.array([0.8, 0.7, 1.7]))
@@ -126,6 +128,91 @@ def test_what_is_not_there_or_not_read_is_declined_in_the_words_that_were_said(s
     found = refusal(sentence, KITCHEN)
     assert found.kind == kind
     assert words in found.message
+
+
+def known(name, label, xy, size=(0.08, 0.08, 0.08), base=0.0, **more) -> SceneObject:
+    return scene_object(name, label, "box", xy, size, base, named_by="gallery", **{"colour": "", **more})
+
+
+def sliding(position: float) -> Joint:
+    return Joint(True, np.array([0.0, 1.0, 0.0]), np.zeros(3), position, 0.16)
+
+
+def counter(drawn: float = 0.0) -> Scene:
+    """Furniture with parts, for somebody who faces the robot; the top drawer is ``drawn`` out, metres."""
+    drawers = [
+        known(place, f"{place} drawer", (0.0, -0.23 + out), (0.22, 0.2, 0.06), 0.01 + 0.07 * k,
+              parent="cabinet", joint=sliding(out))
+        for k, (place, out) in enumerate((("bottom", 0.0), ("middle", 0.0), ("top", drawn)))
+    ]  # fmt: skip
+    turning = Joint(False, np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.5, 2.1)
+    door = Joint(False, np.array([0.0, 0.0, 1.0]), np.zeros(3), 1.5, 2.0)
+    objects = (
+        known("cabinet", "wooden cabinet", (0.0, -0.25), (0.25, 0.2, 0.22)),
+        *drawers,
+        known("bowl", "akita black bowl", (0.0, -0.23 + drawn), (0.1, 0.1, 0.05), 0.16, opening=0.09),
+        known("other", "akita black bowl", (0.06, 0.0), (0.1, 0.1, 0.05), opening=0.09),
+        known("cookies", "cookies", (0.02, 0.13), (0.06, 0.08, 0.02)),
+        known("stove", "flat stove", (-0.25, 0.2), (0.2, 0.2, 0.04)),
+        known("knob", "knob", (-0.37, 0.2), (0.04, 0.04, 0.03), parent="stove", joint=turning),
+        known("microwave", "microwave", (0.3, 0.4), (0.3, 0.2, 0.2)),
+        known("door", "door", (0.3, 0.2), (0.02, 0.25, 0.18), parent="microwave", joint=door),
+        known("plain", "porcelain mug", (0.2, 0.2), colour="silver", rgb=np.full(3, 0.7)),
+        known("mixed", "white yellow mug", (0.2, -0.1), colour="olive"),
+        known("east", "plate", (0.35, 0.15), (0.14, 0.14, 0.02)),
+        known("west", "plate", (0.35, -0.15), (0.14, 0.14, 0.02)),
+        known("caddy", "desk caddy", (-0.3, -0.2), (0.16, 0.44, 0.17), opening=0.14),
+        known("pan", "chefmate frypan", (0.5, 0.0)),
+        known("bottle", "wine bottle", (0.5, -0.2)),
+    )
+    return replace(scene(*objects), viewpoint="facing")
+
+
+@pytest.mark.parametrize(
+    ("sentence", "done"),
+    [
+        ("open the middle layer of the drawer", ["open(middle)"]),
+        ("open the cabinet's bottom drawer", ["open(bottom)"]),
+        ("slide open the top drawer and place the cookies in it", ["open(top)", "place(cookies, top, in)"]),
+        ("put the cookies box on the top of the drawer", ["place(cookies, cabinet, on)"]),
+        ("close the top drawer and put the frying pan on top of it", ["close(top)", "place(pan, cabinet, on)"]),
+        ("turn on the stove and put the pan on it", ["twist(knob, turn=1.6)", "place(pan, stove, on)"]),
+        ("switch the stove off", ["twist(knob, turn=-0.5)"]),
+        ("put the white mug on the left plate", ["place(plain, west, on)"]),
+        ("put the yellow and white mug in the microwave and close it",
+         ["place(mixed, microwave, in)", "close(microwave)"]),
+        ("put the wine in the left compartment of the caddy", ["place(bottle, caddy, in, (-0.300, -0.310) m)"]),
+        ("push the left plate to the front of the stove", ["push(west, stove, front_of)"]),
+        ("move the left plate to the stove's front", ["place(west, stove, front_of)"]),
+        ("lift bowl next to cookie box and set on left plate", ["place(other, west, on)"]),
+        ("place white mug on left plate and pan to right", ["place(plain, west, on)", "place(pan, west, right_of)"]),
+        ("take the black bowl from table center and place it on the stove", ["place(other, stove, on)"]),
+    ],
+)  # fmt: skip
+def test_parts_packages_colours_and_sides_of_who_faces_the_robot(sentence, done):
+    assert calls(sentence, counter()) == done
+
+
+def test_of_several_drawers_the_one_that_can_be_meant():
+    assert calls("close the drawer", counter(0.12)) == ["close(top)"]
+    assert calls("lift the bowl in the drawer", counter(0.12)) == ["pick(bowl)"]
+    assert refusal("close the drawer", counter()).kind == "ambiguous"
+    assert refusal("open the drawer", counter()).kind == "ambiguous"
+
+
+def test_a_name_of_two_colours_is_not_taken_for_one_that_may_have_either():
+    unsure = counter().with_object(known("plain", "porcelain mug", (0.2, 0.2), rgb=np.full(3, 0.8)))
+    assert refusal("put the white mug on the left plate", unsure).kind == "nothing_matches"
+    assert calls("put the yellow mug on the left plate", unsure) == ["place(mixed, west, on)"]
+
+
+@pytest.mark.parametrize(("sentence", "what"), [("press", ("twist", "knob")), ("close", ("close", "door"))])
+def test_a_whole_with_one_part_that_moves_means_that_part(sentence, what):
+    call = SkillCall(sentence, "stove" if sentence == "press" else "microwave")
+    found = meant(call, counter())
+    assert isinstance(found, Meant)
+    assert (found.skill, found.theme.id) == what
+    assert isinstance(meant(SkillCall("open", "cabinet"), counter()), Abstention)
 
 
 def gallery(*named) -> Scene:

@@ -88,20 +88,6 @@ def test_lifting_the_named_cube_counts_and_lifting_another_does_not():
         assert verdicts(instance, lifted(instance, colour, 0.235)) == (False, False)
 
 
-@pytest.mark.parametrize(
-    ("height", "relaxed", "strict"),
-    [(0.006, 0, 0), (0.029, 0, 0), (0.031, 1, 0), (0.17, 1, 0), (0.175, 1, 1), (0.27, 1, 1), (0.28, 1, 0)],
-)
-def test_heights_that_count(height, relaxed, strict):
-    # The cube of 5 cm spans its height to height + 5 cm; the sensor 0.223 to 0.273 m.
-    instance = sample("pick_and_lift", 4)
-    (named,) = colours_in(instance.instruction)
-    state = lifted(instance, named, height)
-    assert verdicts(instance, state) == (bool(relaxed), bool(strict))
-    state.holding = ""
-    assert verdicts(instance, state) == (bool(relaxed), False)
-
-
 # push_block
 
 
@@ -131,18 +117,6 @@ def test_where_the_block_counts_as_on_the_target(along, across, up, relaxed, str
 
 
 # Options
-
-
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("pick_and_lift", {"cubes": 0}),
-        ("pick_and_lift", {"size": -0.05}),
-    ],
-)
-def test_senseless_options_are_refused(name, options):
-    with pytest.raises(ConfigurationError, match=f"task={name}"):
-        task(name, **options)
 
 
 def test_what_does_not_fit_is_said():

@@ -7,7 +7,6 @@ from gvla2.robot.task import TaskSite
 from gvla2.testing.robot import check_task
 from gvla2_plugins.tabletop_objects import ObjectsConfig, TabletopObjectsConfig
 from gvla2_plugins.tabletop_objects.task import TabletopObjects, fallen
-from tests.plugins.test_sapien_meshes import settled
 from tests.scanning import bowl, box, painted, write
 
 SITE = TaskSite((0.25, 0.0), (0.65, 0.91), 0.752, lambda point: True)
@@ -117,28 +116,6 @@ def test_what_cannot_be_asked_or_does_not_fit_is_named(folder, tmp_path):
     write(tmp_path, "door", painted(box(0.9, 1.6, 0.02)))
     with pytest.raises(ConfigurationError, match=r"more than the 0\.65 x 0\.91 m of the table"):
         sample(task(tmp_path), 0)
-
-
-def test_objects_lie_still_where_the_episode_has_them(folder):
-    for pose in ("upright", "fallen"):
-        instance = sample(task(folder, count=4, pose=pose), 5)
-        for body, now in settled(instance.layout):
-            assert np.linalg.norm(now[:3, 3] - body.world_from_body[:3, 3]) < 0.01, body.name
-
-
-def poses(sides, count=300):
-    mesh = box(*sides)
-    rng = np.random.default_rng(0)
-    turns = np.array([fallen(mesh.vertices, np.zeros(3), rng) for _ in range(count)])
-    return np.abs(turns[:, 2]).round(3), turns
-
-
-def test_a_box_lies_on_its_faces_and_mostly_on_the_large_ones():
-    up, turns = poses((0.02, 0.1, 0.2))
-    assert (up.max(axis=1) == 1).all()
-    flat, edge, tall = (up == 1).mean(axis=0)
-    assert flat > edge > tall
-    np.testing.assert_allclose(np.linalg.det(turns), 1)
 
 
 def test_it_rolls_off_a_face_that_its_weight_does_not_stand_on():

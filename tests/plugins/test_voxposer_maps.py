@@ -1,6 +1,5 @@
 """The language of value maps, of which nothing else is run; and the ways through grids of costs."""
 
-import time
 from dataclasses import replace
 from itertools import pairwise
 
@@ -18,9 +17,9 @@ CENTRES = VoxelGrid.over(inputs.WORKSPACE, 0.02).centres()
 CUBE = SCENE["red_cube"]
 
 
-def value(expression, points=CENTRES, lines=""):
-    program = read_program(f"{lines}\nmove('m', affordance={expression})")
-    return MapInterpreter(SCENE, IDS, program, points).values(program.stages[0]["affordance"])
+def value(expression, points=CENTRES):
+    (move,) = read_program(f"move('m', affordance={expression})")
+    return MapInterpreter(SCENE, IDS, points).values(move["affordance"])
 
 
 def point(*mm):
@@ -49,20 +48,12 @@ def test_what_expressions_mean(expression, number):
     assert value(expression, point(300, -80, 100))[0] == pytest.approx(number, abs=1e-6)
 
 
-def test_variables_are_worked_out_once():
-    """Each line doubles the work where they are not: 2^24 evaluations of a grid would never end."""
-    lines = "a0 = x\n" + "\n".join(f"a{i} = a{i - 1} + a{i - 1}" for i in range(1, 25))
-    began = time.perf_counter()
-    assert value("a24", point(1, 0, 0), lines)[0] == pytest.approx(2.0**24)
-    assert time.perf_counter() - began < 1.0
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("", "0 moves"),
-        ("__import__('os').system('true')", "neither move"),
-        ("x = 3\nmove('a', affordance=x)", "'x' has a meaning already"),
+        ("__import__('os').system('true')", "is not move"),
+        ("a = 3\nmove('a', affordance=a)", "is not move"),
         ("move('a')", "a move has a name, an affordance"),
         ("move('a', affordance=z, force=3)", "and of affordance, avoidance, gripper"),
         ("move('a', affordance=z)\n" * (MOST_STAGES + 1), f"write 1 to {MOST_STAGES}"),
@@ -87,14 +78,13 @@ def test_what_is_no_program(text, said):
         ("[z for z in range(9)]", "not allowed here"),
         ("exp(x, out=z)", "not allowed here"),
         ("9 ** 9 ** 9", "not finite"),
-        ("q", "nested too deeply"),
+        ("q", "not allowed here"),
         ("above(red_cube, 0.1)", "millimetres"),
     ],
 )
 def test_what_is_no_expression(expression, said):
-    lines = "q = q + 1"
     with pytest.raises(ValueError, match=said):
-        value(expression, lines=lines)
+        value(expression)
 
 
 # Ways through grids whose cheapest way is known

@@ -15,7 +15,6 @@ from gvla2.memory.store import Store
 from gvla2.plugins.registry import load_plugins
 from gvla2.testing import check_component
 from gvla2_plugins import memory_baselines
-from gvla2_plugins.memory_baselines.methods import item_of
 from tests.memory.looking import look
 
 METHODS = {component.name: component for component in memory_baselines.gvla2_memories()}
@@ -89,17 +88,6 @@ def test_the_numbers_of_a_success_reach_the_planner(name: str, build: Callable):
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_frozen_recalls_and_learns_nothing(name: str, build: Callable):
-    build(name).learn(episode(), GOOD)
-    frozen = build(name, frozen=True)
-    before = frozen.recall(MemoryTask("lift the red cube"))
-    learned = frozen.learn(episode(source="run/2"), GOOD)
-    assert (learned.added, learned.discarded) == ((), 1)
-    assert frozen.recall(MemoryTask("lift the red cube")) == before
-    assert before.items
-
-
-@pytest.mark.parametrize("name", METHODS)
 def test_a_database_that_fails_is_reported_and_stops_nothing(name: str, build: Callable, tmp_path: Path):
     memory = build(name)
     memory.learn(episode(), GOOD)
@@ -124,18 +112,6 @@ def test_a_database_that_fails_is_reported_and_stops_nothing(name: str, build: C
 def test_options_that_cannot_be_are_refused(name: str, options: dict[str, Any], build: Callable):
     with pytest.raises(ConfigurationError):
         build(name, **options)
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_two_runs_give_the_same(name: str, build: Callable, tmp_path: Path):
-    shown = []
-    for place in ("one", "two"):
-        memory = build(name, url=f"sqlite:///{tmp_path / place}.db")
-        for number, verdict in enumerate((GOOD, BAD, OPEN, GOOD)):
-            memory.learn(episode(f"lift cube {number}", source=f"run/{number}"), verdict)
-        found = memory.recall(MemoryTask("lift cube 2"))
-        shown.append([(item.id, item.content, round(item.score, 6)) for item in found.items] + [found.text])
-    assert shown[0] == shown[1]
 
 
 # -- what tells them apart --------------------------------------------------------------------------------------
@@ -179,12 +155,6 @@ def test_awm_induces_workflows_from_successes_alone(build: Callable):
     assert "(grasp_depth 0.02, sd 0, 2 times)" in text
 
 
-def test_awm_needs_more_than_one_step(build: Callable):
-    learned = build("awm").learn(episode(transcript="$ ls\n"), GOOD)
-    assert learned.added == ()
-    assert "2 steps" in learned.notes[0]
-
-
 def test_reasoning_bank_learns_from_both_outcomes_and_shows_one_task(build: Callable):
     memory = build("reasoning_bank")
     memory.learn(episode("lift the red cube"), GOOD)
@@ -225,11 +195,6 @@ def test_reasoning_bank_brings_three_items_at_most_and_can_do_without_lessons(bu
     (worked,) = memory.recall(MemoryTask("build it")).items
     assert worked.type == "procedural_hint"
     assert "make test" in worked.content
-
-
-@pytest.mark.parametrize("content", ["x", "word " * 300, "不要推。先抓。", "A: b", "one\ntwo"])
-def test_an_item_always_has_its_content(content: str):
-    assert item_of(content).splitlines()[-1] == f"Content: {' '.join(content.split())}"
 
 
 def test_synapse_shows_whole_trajectories_of_successes(build: Callable):

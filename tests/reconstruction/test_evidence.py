@@ -1,4 +1,4 @@
-"""A prior's depth with known errors: what is found, what is mended, what is refused."""
+"""A prior's depth with known errors: what is found, corrected and refused."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_evidence import (
     Aligned,
-    doubted,
     gather,
     looked_through,
+    refute_by_caps,
 )
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2_plugins.depth_prior import LearnedNoise
@@ -128,7 +128,7 @@ def test_masks_refute_what_lies_behind_a_cap_and_doubt_its_view_alone():
     caps = np.full(depth.shape, np.nan)
     caps[0, 5, 2:10] = 2.0 / 1.02  # two per cent before the surface: ten deviations
     caps[1, 5, 2:10] = 2.1  # behind it: nothing is wrong
-    found, refuted = doubted(aligned, np.ones(depth.shape, dtype=bool), caps)
+    found, refuted = refute_by_caps(aligned, np.ones(depth.shape, dtype=bool), caps)
     assert refuted[0, 4:7, 1:11].all()
     assert refuted.sum() == 30
     assert found.std[0, 0, 0] == pytest.approx(np.hypot(0.002, np.log(1.02)))

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.view_set import judged
+from gvla2.reconstruction.view_set import gate_report
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,10 @@ def views(jug, masked_views) -> Views:
 @pytest.mark.parametrize("scale", [0.9, 1.1, (1, 1, 0.93)])
 def test_a_change_for_the_worse_is_not_and_the_way_back_is(points, views, scale):
     worse = points * scale
-    refused, kept = judged("soft_hull", points, worse, views), judged("soft_hull", worse, points, views)
+    refused, kept = (
+        gate_report("soft_hull", points, worse, views),
+        gate_report("soft_hull", worse, points, views),
+    )
     assert refused.status == "rejected"
     assert "Symmetric IoU fell" in refused.reason
     assert refused.after["symmetric_iou"] < refused.before["symmetric_iou"]
@@ -31,13 +34,13 @@ def test_a_change_for_the_worse_is_not_and_the_way_back_is(points, views, scale)
 def test_not_a_number_is_never_kept(points, views):
     broken = points.copy()
     broken[7] = np.nan
-    gate = judged("soft_hull", points, broken, views)
+    gate = gate_report("soft_hull", points, broken, views)
     assert gate.status == "rejected"
     assert "1 points became infinite" in gate.reason
 
 
 def test_without_silhouettes_nothing_changes(points, views):
     empty = Views(tuple(replace(v, mask=np.zeros_like(v.mask)) for v in views))
-    gate = judged("soft_hull", points, points, empty)
+    gate = gate_report("soft_hull", points, points, empty)
     assert gate.status == "rejected"
     assert "Every mask is empty" in gate.reason

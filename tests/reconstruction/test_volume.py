@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.reconstruction.branch import agreed
+from gvla2.reconstruction.branch import fuse_evidence
 from gvla2.reconstruction.carving import surface_of
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_evidence import gather
@@ -107,6 +107,6 @@ def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
     wrong, sure, moved = learned(right, poses, noise, np.random.default_rng(1))
     estimate = GeometryEstimate(wrong.astype(np.float32), sure.astype(np.float32), moved)
     plain, plain_mesh = fused(seen, gather(estimate, seen))
-    _, heeding = agreed(estimate, seen, None)
+    _, heeding = fuse_evidence(estimate, seen, None)
     assert len(heeding.needed) < 0.5 * len(plain.needed)
     assert distance(surface_of(heeding.field), bar) < 0.9 * distance(plain_mesh, bar)

@@ -80,7 +80,7 @@ def test_a_page_shows_what_every_stage_found(episode: Episode) -> None:
     (video,) = (attributes for tag, attributes in page.tags if tag == "video")
     assert video["src"] == f"data:video/mp4;base64,{base64.b64encode(film).decode()}"
     for shown in (
-        record.instruction, "52 × 52 × 52", record.refinement, "lift_height >= 0.2", "0.17 -> 0.2",
+        record.instruction, "52 × 52 × 52", record.refinement, "parameter lift_height", "0.17 -> 0.2",
         "the hand would touch the table", "Smallest clearance", "The red cube was seen 4 mm", record.goal, "rec-9",
         "seed: 3", "result.json",
     ):  # fmt: skip

@@ -22,7 +22,7 @@ RESULT_KEYS = {
     "failure", "timings",
 }  # fmt: skip
 BETWEEN = (
-    ("observe", {"before.png", "depth.png"}, {"scene.json", "perception.png"}),
+    ("observe", {"before.png"}, {"scene.json", "perception.png"}),
     ("perceive", {"scene.json", "perception.png"}, {"plan.json", "recalled.json"}),
     ("plan", {"recalled.json", "plan.json", "trajectory.json", "plan.png"}, {"checks.json", "report.json"}),
     ("execute", {"checks.json", "report.json", "after.png"}, {"verdict.json", "index.html"}),
@@ -69,7 +69,7 @@ def test_a_finished_run_leaves_everything_and_an_interrupted_one_is_complete_up_
     names = {p.name for p in page.parent.iterdir()}
     assert names == {
         "config.yaml", "result.json", "scene.json", "recalled.json", "plan.json", "trajectory.json", "checks.json",
-        "report.json", "scene_after.json", "verdict.json", "learned.json", "perception.png", "depth.png", "plan.png",
+        "report.json", "scene_after.json", "verdict.json", "learned.json", "perception.png", "plan.png",
         "before.png", "after.png", "episode.mp4", "scene.glb", "views.npz", "index.html",
     }  # fmt: skip
     result = load(page.parent / "result.json")

@@ -70,16 +70,3 @@ def test_a_line_is_straight(arm, x, y, z, turn):
         np.testing.assert_allclose(places, begin[:3, 3] + shares[:, None] * way, atol=5e-4)
     assert np.abs(np.diff(path, axis=0)).max() < 0.2
     assert len(path) >= np.linalg.norm([x, y, z]) / 0.01
-
-
-SIX = """<robot name="six">
-<link name="base"><collision><geometry><box size=".2 .2 .1"/></geometry></collision></link>
-{links}
-<link name="hand"><collision><origin xyz="0 0 .03"/><geometry><box size=".02 .1 .04"/></geometry></collision></link>
-<joint name="wrist" type="fixed"><parent link="l6"/><child link="hand"/></joint>
-<link name="finger"><collision><origin xyz="0 .01 0"/><geometry><box size=".02 .02 .04"/></geometry></collision></link>
-<joint name="slide" type="prismatic"><origin xyz="0 0 .07"/><parent link="hand"/><child link="finger"/>
-<axis xyz="0 1 0"/><limit lower="0" upper=".03" effort="1" velocity="1"/></joint>
-</robot>"""
-AXES = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1")
-LENGTHS = (0.1, 0.0, 0.25, 0.2, 0.05, 0.06)

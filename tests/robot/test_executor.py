@@ -63,19 +63,6 @@ def test_closing_on_nothing_is_a_slip(run, driver):
     assert driver.calls[-1] == "hold"
 
 
-def test_closing_the_fingers_to_press_is_no_slip(run, driver):
-    driver.between = 0.0
-    press = Trajectory(
-        (
-            Waypoint((0.3, 0.2, 0.95), 0.0, "close", DOWN),
-            Waypoint((0.3, 0.2, 0.8), 0.0, "press", motion="linear"),
-        )
-    )
-    report = run(press)
-    assert report.completed
-    assert report.waypoints[0].held is False
-
-
 def test_missing_the_target_is_a_tracking_error(run, driver):
     driver.off = np.array([0.15, 0, 0, 0, 0, 0, 0])
     report = run()

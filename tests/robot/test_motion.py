@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from gvla2.geometry.transform import invert_rigid, rigid
+from gvla2.geometry.transform import invert_rigid
 from gvla2.planning.arm import Attachment
 from gvla2.robot.motion import MotionFailure, MotionPath, MotionPlanner, interpolate
 from gvla2.robot.timing import MotionLimits, time_path
@@ -127,14 +127,3 @@ def test_what_is_held_clears_the_wall_too(arm, planner, scene_of, block, down, w
     found = planner.plan(start, down((0.3, 0.2, 0.95)), scene, gripper=0.4, attached=attached, seed=2)
     assert isinstance(found, MotionPath), found
     assert worst_world_distance(arm, found.joints, scene, 0.4, attached) > 0.0075
-
-
-def test_goal_joints_allow_the_straight_moves_that_follow(arm, scene_of, down):
-    planner = MotionPlanner(arm)
-    for k in range(8):
-        pre = down((0.1 + 0.05 * k, -0.3 + 0.08 * k, 0.95), yaw=0.4 * k - 1.4)
-        grasp = rigid(pre[:3, :3], pre[:3, 3] - [0, 0, 0.17])
-        found = planner.plan(arm.home, pre, scene_of(), then=[grasp, pre])
-        assert isinstance(found, MotionPath)
-        down_there = planner.plan(found.joints[-1], grasp, scene_of(), motion="linear")
-        assert isinstance(down_there, MotionPath), (k, down_there)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gvla2 import Component, ComponentConfig, hookimpl, register, unregister
-from gvla2.commands import tasks
+from gvla2.commands import worlds
 from gvla2.commands.bench import run_bench
 from gvla2.commands.hydra_job import composed
 from gvla2.commands.run import run_episodes
@@ -96,7 +96,7 @@ def test_other_tasks_are_refused(robot: str, task: str, message: str):
 
 
 def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]):
-    assert tasks.main(["robot=kitchen"]) == 0
+    assert worlds.tasks(["robot=kitchen"]) == 0
     listing = capsys.readouterr().out
     assert all(name in listing and sentence in listing for name, sentence in SENTENCES.items())
 

@@ -46,7 +46,7 @@ REFERENCE = [
     for name in PLUGINS.components(kind)
     # Their own tests know whether there is a GPU, give the arm its bus, keep trackers off the network, give an
     # agent a model that answers, and refine few Gaussians.
-    if (kind, name) not in OWN and name not in ("piper", "mlflow", "wandb", "rerun", "mini_swe")
+    if (kind, name) not in OWN and name not in ("piper", "mlflow", "wandb", "mini_swe")
 ]
 
 

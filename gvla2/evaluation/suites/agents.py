@@ -1,7 +1,7 @@
 """The suite ``agents``: software agents on folders of tasks, with one memory or another.
 
 One memory goes through one order of tasks: lessons from a task are available to the next ones. An interrupted sequence
-resumes where it was, with the memory that it had.
+is measured anew, complete ones are not.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ import hashlib
 import json
 import logging
 import random
-import shutil
-import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -29,7 +27,7 @@ from gvla2.evaluation.arms import MEMORY, BenchArm, chosen_arms, chosen_memory, 
 from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
 from gvla2.evaluation.components import configured, model_label
 from gvla2.evaluation.config import AgentsBench
-from gvla2.evaluation.engine import Rows, Suite, Unit
+from gvla2.evaluation.engine import Suite, Unit
 from gvla2.evaluation.results import Cell, cell_key, code_digest, versions
 from gvla2.evaluation.tables import Sheet
 from gvla2.language.contracts import LanguageModelError, Ledger
@@ -71,9 +69,9 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class SequenceUnit(Unit):
-    """An arm, a seed and the tasks in their order, with a key for each task's row; the first ``done`` are known.
+    """An arm, a seed and the tasks in their order, with a key for each task's row.
 
-    ``folder`` keeps the memory between the tasks; ``factors`` are what the rows have in common.
+    ``folder`` holds the memory; ``factors`` are what the rows have in common.
     """
 
     arm: BenchArm
@@ -82,7 +80,6 @@ class SequenceUnit(Unit):
     factors: Mapping[str, str | int]
     folder: Path
     config: AgentsBench
-    done: int = 0
 
     def unknown(self, place: int, status: str) -> Cell:
         """The row of the task at a place without measures, with why there are none."""
@@ -94,10 +91,6 @@ class SequenceUnit(Unit):
             "place": place,
         }
         return Cell(self.keys[place], {**self.factors, **own}, UNKNOWN, {"status": status})
-
-    def kept(self, done: int) -> Path:
-        """The memory after that number of tasks."""
-        return self.folder / f"after-{done}.db"
 
 
 class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
@@ -124,27 +117,10 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
                 )
         return [[self._sequence(tasks, arm, seed) for seed in config.seeds for arm in arms]]
 
-    def known(self, keys: Sequence[str]) -> Rows:
-        """All stored rows: a task that could not be set up is not tried again."""
-        return self.results.with_keys(keys)
-
-    def prepare(self, unit: SequenceUnit, rows: Rows) -> SequenceUnit:
-        """The sequence from its first unknown row on, or anew where its memory is gone."""
-        done = next(place for place, key in enumerate(unit.keys) if key not in rows)
-        if done and unit.arm.source != "off" and not unit.kept(done).is_file():
-            log.warning("The memory in %s is gone: its tasks are measured again.", unit.folder)
-            done = 0
-        return replace(unit, done=done)
-
     @staticmethod
     def measure(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
-        """The rows of the tasks that are not done, each when it is measured."""
+        """The rows of the tasks, each when it is measured."""
         return work(unit, registry)
-
-    def result(self, units: Sequence[SequenceUnit], rows: Rows) -> list[Cell]:
-        """All rows; the status of one that a sequence did not reach says so."""
-        status = "not measured: the language model could not be asked"
-        return [rows.get(key) or unit.unknown(k, status) for unit in units for k, key in enumerate(unit.keys)]
 
     @staticmethod
     def sheets(cells: Sequence[Cell]) -> list[Sheet]:
@@ -169,7 +145,7 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
             "tasks": Path(agents.tasks).name,
             "memory": f"{arm.name} ({arm.variant})" if arm.variant else arm.name,
         }
-        folder = Path(agents.state or self.folder / "agents") / keys[-1][:16]
+        folder = (self.folder / "agents" / keys[-1][:16]).absolute()
         return SequenceUnit(keys, f"{arm.name}, seed {seed}", arm, seed, ordered, factors, folder, config)
 
 
@@ -183,19 +159,16 @@ def _digest_of(task: AgentTask) -> str:
 
 
 def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
-    """The rows of the tasks after the first ``unit.done``.
+    """The rows of the sequence, from a memory that knows nothing.
 
-    The memory is restored to its state after those, without traces of an interrupted task. A task whose environment
-    cannot be set up is "not measured"; if the language model is unavailable, the sequence ends: later tasks would have
-    the wrong memory.
+    A task whose environment cannot be set up is "not measured", nor is any task from the first one on that found no
+    language model: later tasks would have the wrong memory.
     """
     config, arm = unit.config, unit.arm
     unit.folder.mkdir(parents=True, exist_ok=True)
     bank = unit.folder / "memory.db"
     for file in unit.folder.glob("memory.db*"):
         file.unlink()
-    if unit.done and unit.kept(unit.done).is_file():
-        shutil.copyfile(unit.kept(unit.done), bank)
     built: dict[str, Any] = {}
     root = {"agent": config.agent, **chosen_memory(config, registry, arm, str(bank))}
     registry.build_all(root, ("agent", "verifier", "memory"), built)
@@ -203,8 +176,8 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
     ledger = Ledger() if language is None else language.ledger
     level = logging.DEBUG if config.quiet else logging.INFO
     with closing(memory):
-        for place in range(unit.done, len(unit.tasks)):
-            task, before = unit.tasks[place], ledger.totals()
+        for place, task in enumerate(unit.tasks):
+            before = ledger.totals()
             row = f"{arm.name}/{unit.seed}/{task.name}"
             try:
                 with bubblewrap(task) as box:
@@ -222,30 +195,19 @@ def work(unit: SequenceUnit, registry: Registry) -> Iterator[Cell]:
             except EnvironmentFailedError as error:
                 cell = unit.unknown(place, f"not measured: {error}")
             except LanguageModelError as error:
-                log.warning("%s: the model cannot be asked (%s); this sequence ends here.", row, error)
+                for later in range(place, len(unit.tasks)):
+                    yield unit.unknown(
+                        later, f"not measured: the language model could not be asked ({error})"
+                    )
                 return
             else:
                 if made.verdict.outcome == "unavailable" and arm.source != "off":
                     why = "; ".join(made.verdict.reasons)
                     log.warning("%s: no verdict, so memory learns nothing from it: %s", row, why)
                 cell = _measured(unit.unknown(place, "ok"), made, ledger.totals(before))
-            _keep(unit, bank, place + 1)
-            if cell.status == "ok" and (kept := unit.kept(place + 1)).is_file():
-                cell = replace(cell, measures={**cell.measures, "storage_kb": kept.stat().st_size / 1000})
+            if cell.status == "ok" and bank.is_file():
+                cell = replace(cell, measures={**cell.measures, "storage_kb": bank.stat().st_size / 1000})
             yield cell
-
-
-def _keep(unit: SequenceUnit, bank: Path, done: int) -> None:
-    """Copy the memory after ``done`` tasks; the previous copy stays, in case the row is not stored."""
-    if bank.is_file():
-        aside = unit.folder / f"after-{done}.part"
-        aside.unlink(missing_ok=True)
-        with closing(sqlite3.connect(bank)) as connection:
-            connection.execute("VACUUM INTO ?", (str(aside),))
-        aside.replace(unit.kept(done))
-    for old in unit.folder.glob("after-*.db"):
-        if int(old.stem.removeprefix("after-")) < done - 1:
-            old.unlink()
 
 
 def _measured(cell: Cell, made: Attempt, spent: Mapping[str, Mapping[str, float]]) -> Cell:

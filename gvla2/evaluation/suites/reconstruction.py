@@ -5,19 +5,14 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
-from functools import cache
 from itertools import product
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 from omegaconf import OmegaConf
-from PIL import Image
 
 from gvla2.component import described
-from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
+from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import (
     DRIFTS,
     NOISES,
@@ -32,16 +27,13 @@ from gvla2.evaluation.components import changed_options, code_of, given_label
 from gvla2.evaluation.config import ReconstructionBench
 from gvla2.evaluation.datasets import Dataset, Item, open_dataset
 from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker
-from gvla2.evaluation.lpips import Lpips, read_weights
 from gvla2.evaluation.metrics import MEASURES, ReconstructionJudge
 from gvla2.evaluation.protocol import VERSION
 from gvla2.evaluation.results import Cell, cell_key
 from gvla2.evaluation.tables import Sheet
-from gvla2.io.files import write_bytes
 from gvla2.plugins.assembly import GEOMETRY
 from gvla2.plugins.registry import Registry
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
-from gvla2.record.drawing import png
 
 LAYOUT = TableLayout(
     title="Reconstruction",
@@ -60,7 +52,6 @@ LAYOUT = TableLayout(
         Measure("cd_official", "CD official ×10³", "lower"),
         Measure("psnr", "PSNR dB", "higher"),
         Measure("ssim", "SSIM", "higher", 4),
-        Measure("lpips", "LPIPS", "lower", 4),
         Measure("seconds", "seconds", "lower", 2, compared=False),
     ),
     groups=(
@@ -89,26 +80,22 @@ MEASURING_CODE = (
     "gvla2.geometry",
     "gvla2.reconstruction",
     "gvla2.evaluation.suites.reconstruction",
-    *(f"gvla2.evaluation.{name}" for name in ("ablation", "datasets", "lpips", "metrics", "protocol")),
+    *(f"gvla2.evaluation.{name}" for name in ("ablation", "datasets", "metrics", "protocol")),
 )
 """Code whose change outdates stored rows, besides the chosen plugins."""
-PICTURED = (REFERENCE, "ab_fusion")
-"""Rows with pictures in a report."""
-_PICTURE_NAME = ("object", "baseline", "drift", "noise", "variant")
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class ObjectUnit(Unit):
-    """Cells of one object and baseline, with the ``factors`` of each key; pictures go to ``folder/pictures``."""
+    """Cells of one object and baseline, with the ``factors`` of each key."""
 
     dataset: Dataset
     item: Item
     baseline: str
     factors: Mapping[str, Mapping[str, str | int]]
     config: ReconstructionBench
-    folder: Path
 
 
 class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
@@ -130,22 +117,12 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
 
     @staticmethod
     def measure(unit: ObjectUnit, registry: Registry) -> Iterator[Cell]:
-        """The unit's cells; a :class:`Gvla2Error` becomes a cell's ``status``, with no measures.
-
-        A worker process first runs a refined cell unmeasured, once per baseline, so that loading compiled code is not
-        timed.
-        """
+        """The unit's cells; a :class:`Gvla2Error` becomes a cell's ``status``, with no measures."""
         try:
             bench = ObjectBench(unit, registry)
         except Gvla2Error as error:
             yield from (_failed(unit, key, error) for key in unit.keys)
             return
-        if in_a_worker() and unit.baseline not in _warmed():
-            _warmed().add(unit.baseline)
-            refined = [key for key in unit.keys if unit.factors[key]["variant"] == "ab_fusion"]
-            with suppress(Gvla2Error):
-                bench.cell((refined or unit.keys)[0])
-            bench = ObjectBench(unit, registry)
         for key in unit.keys:
             try:
                 yield bench.cell(key)
@@ -159,9 +136,6 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
 
     def _units(self, dataset: Dataset) -> Iterator[ObjectUnit]:
         config, registry = self.config, self.registry
-        lpips = lpips_of(config.lpips_weights) is not None
-        if not lpips:
-            log.warning("LPIPS is not measured: its weights are absent. scripts/fetch_lpips gets them.")
         baselines, seeds = list(dict.fromkeys(config.baselines)), list(dict.fromkeys(config.seeds))
         noises, drifts = list(dict.fromkeys(config.noise)), list(dict.fromkeys(config.drifts))
         variants = list(dict.fromkeys(config.variants or VARIANTS))
@@ -170,8 +144,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
             root = chosen_components(config, registry, baseline, seed, noise)
             typed = [registry.configure(root, kind)[0] for kind in GEOMETRY]
             chosen[baseline, seed, noise] = list(map(asdict, typed)), code_of(typed, *MEASURING_CODE)
-        weights = (lpips, config.lpips_weights, config.surface_samples)
-        protocol = (VERSION, dataset.size, dataset.samples, *weights, asdict(config.branch))
+        protocol = (VERSION, dataset.size, dataset.samples, config.surface_samples, asdict(config.branch))
         shared = {kind: described(getattr(config, kind)) for kind in ("axis", "fusion", "renderer")}
         shared |= {"protocol": label} if (label := _protocol_label(config)) else {}
         for item in dataset.items:
@@ -195,7 +168,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
                     key = cell_key(self.name, factors, chosen[baseline, seed, noise], protocol, fingerprint)
                     cells[key] = factors
                 label = f"{item.name}, {baseline}"
-                yield ObjectUnit(tuple(cells), label, dataset, item, baseline, cells, config, self.folder)
+                yield ObjectUnit(tuple(cells), label, dataset, item, baseline, cells, config)
 
 
 def _check_names(config: ReconstructionBench) -> None:
@@ -221,7 +194,7 @@ def _prior_label(config: ReconstructionBench) -> str:
 
 def _protocol_label(config: ReconstructionBench) -> str:
     """How the measuring differs from the protocol; "" where it does not."""
-    own = changed_options(config, ("surface_samples", "lpips_weights"))
+    own = changed_options(config, ("surface_samples",))
     return ", ".join(filter(None, (own, changed_options(config.data, ("size", "samples")))))
 
 
@@ -241,19 +214,6 @@ def chosen_components(
     return {"reconstructor": options, "prior": prior, **same}
 
 
-def lpips_of(path: str | None) -> Lpips | None:
-    """LPIPS with a user's own weights, or those of the cache; None when the cache has none.
-
-    Raises :class:`Gvla2Error` when the given file cannot be used.
-    """
-    if path is not None:
-        return Lpips(read_weights(Path(path).expanduser()))
-    try:
-        return Lpips()
-    except MissingDependencyError:
-        return None
-
-
 class ObjectBench:
     """Measures the cells of one object and baseline; raises :class:`Gvla2Error` for an object that cannot be loaded.
 
@@ -266,13 +226,9 @@ class ObjectBench:
         self._built: dict[tuple[str, str], Any] = {}
         self._first: dict[int, tuple[Reconstruction, float]] = {}
         self._judge: ReconstructionJudge | None = None
-        self._pictured: set[tuple[str, ...]] = set()
 
     def cell(self, key: str) -> Cell:
-        """One cell: the baseline's seconds are the reconstruction's; any other row's are only its own.
-
-        The first of each drift, noise and pictured row has a picture of the first target view.
-        """
+        """One cell: the baseline's seconds are the reconstruction's; any other row's are only its own."""
         unit, views = self._unit, self._views
         factors = unit.factors[key]
         drift, noise, variant = (str(factors[name]) for name in ("drift", "noise", "variant"))
@@ -287,15 +243,6 @@ class ObjectBench:
             seconds = time.perf_counter() - began
         scores = judge.measure(made)
         notes = {"status": "ok", "cd_points": scores.cd_points, **notes}
-        place = drift, noise, variant
-        if variant in PICTURED and place not in self._pictured and made.gaussians is not None:
-            self._pictured.add(place)
-            picture = np.rint(255 * judge.pictures(made.gaussians, 1)[0]).astype(np.uint8)
-            if variant == REFERENCE:  # beside the true view
-                picture = np.hstack([views.targets[0].image, picture])
-            name = "-".join(str(factors[name]) for name in _PICTURE_NAME)
-            path = write_bytes(unit.folder / "pictures" / f"{name}.png", png(Image.fromarray(picture)))
-            notes["picture"] = str(path.absolute())
         return Cell(key, factors, {**scores.measures, "seconds": seconds}, notes)
 
     def _components(self, seed: int, noise: str) -> AblationComponents:
@@ -320,16 +267,9 @@ class ObjectBench:
 
     def _new_judge(self, renderer: Renderer) -> ReconstructionJudge:
         config, threads = self._unit.config, 1 if in_a_worker() else -1
-        lpips = lpips_of(config.lpips_weights)
-        return ReconstructionJudge(self._views, renderer, lpips, threads, config.surface_samples)
+        return ReconstructionJudge(self._views, renderer, threads, config.surface_samples)
 
 
 def _failed(unit: ObjectUnit, key: str, error: Exception) -> Cell:
     empty = dict.fromkeys((*MEASURES, "seconds"))
     return Cell(key, unit.factors[key], empty, {"status": f"failed: {error}"})
-
-
-@cache
-def _warmed() -> set[str]:
-    """The baselines that this process has run; empty at first."""
-    return set()

@@ -191,6 +191,24 @@ def mesh_of(model: Any, mesh: int) -> tuple[FloatArray, Any]:
     return vertices, faces
 
 
+def primitive(model: Any, geom: int) -> Any:
+    """A box, sphere, cylinder or capsule of the model as a trimesh in the geom's frame, metres; an ellipsoid too."""
+    import mujoco
+    import trimesh
+
+    kinds, size = mujoco.mjtGeom, np.asarray(model.geom_size[geom])
+    kind = model.geom_type[geom]
+    if kind == kinds.mjGEOM_BOX:
+        return trimesh.creation.box(2 * size)
+    if kind == kinds.mjGEOM_CYLINDER:
+        return trimesh.creation.cylinder(size[0], 2 * size[1])
+    if kind == kinds.mjGEOM_CAPSULE:
+        return trimesh.creation.capsule(2 * size[1], size[0])
+    ball = trimesh.creation.icosphere(radius=1.0)
+    ball.apply_scale(size if kind == kinds.mjGEOM_ELLIPSOID else size[:1].repeat(3))
+    return ball
+
+
 def _rotation(quaternion: Any) -> Rotation:
     return Rotation.from_quat(np.asarray(quaternion)[[1, 2, 3, 0]])
 

@@ -38,7 +38,7 @@ def true_scene(world: World) -> Scene:
     for body in range(1, model.nbody):
         root = int(model.body_rootid[body])
         if body not in robot and not (model.body(root).name or "").startswith(world.scenery):
-            wholes.setdefault(root, {}).setdefault(_moving(model, body), []).append(body)
+            wholes.setdefault(root, {}).setdefault(moving_body(model, body), []).append(body)
     objects: list[SceneObject] = []
     for root, members in wholes.items():
         looks = {owner: _looks(world, bodies) for owner, bodies in members.items()}
@@ -53,7 +53,7 @@ def true_scene(world: World) -> Scene:
     return Scene(tuple(objects), world.table_height, world.workspace, "oracle")
 
 
-def _moving(model: Any, body: int) -> int:
+def moving_body(model: Any, body: int) -> int:
     """The body, at or above this one, that moves on a hinge or slide; else the root of its tree."""
     import mujoco
 
@@ -66,17 +66,18 @@ def _moving(model: Any, body: int) -> int:
 
 
 def _part(world: World, body: int, whole: Sequence[str], points: FloatArray) -> MovingPart:
+    joint = model_joint(world.model, world.data, int(world.model.body_jntadr[body]))
+    return MovingPart(part_label(world.model.body(body).name or "", whole, joint, points), points, joint)
+
+
+def model_joint(model: Any, data: Any, joint: int) -> Joint:
+    """A hinge or slide as it is now."""
     import mujoco
 
-    model, data, j = world.model, world.data, int(world.model.body_jntadr[body])
-    joint = joint_of(
-        bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE),
-        data.xaxis[j],
-        data.xanchor[j],
-        float(data.qpos[model.jnt_qposadr[j]]),
-        *(float(v) for v in model.jnt_range[j]),
-    )
-    return MovingPart(part_label(model.body(body).name or "", whole, joint, points), points, joint)
+    slides = bool(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE)
+    low, high = (float(value) for value in model.jnt_range[joint])
+    now = float(data.qpos[model.jnt_qposadr[joint]])
+    return joint_of(slides, data.xaxis[joint], data.xanchor[joint], now, low, high)
 
 
 def part_label(body: str, whole: Sequence[str], joint: Joint, points: FloatArray) -> str:

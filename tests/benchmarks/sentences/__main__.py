@@ -19,7 +19,7 @@ from pathlib import Path
 
 from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
-from gvla2.episode.fallback import NamedPlanner, PlannerWithFallback
+from gvla2.episode.planning import NamedPlanner, PlannerWithFallback
 from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.suites.robot_design import TASKS

@@ -117,16 +117,6 @@ def test_tampering_is_found_out(sqlite_url: str, tmp_path: Path, record: Make, h
             assert any(problem.startswith(sentence) for problem in found), found
 
 
-def test_banks_have_chains_of_their_own(store: Store, record: Make) -> None:
-    fill(store, record)
-    with store.writing("c", actor="x", now=NOW - 50) as t:
-        t.put(record("1", bank="c"), action="add")
-    assert [(e.bank, e.seq, e.at) for e in look(store, "c").events()] == [("c", 1, NOW - 50)]
-    assert look(store, "b").verify() == []
-    assert look(store, "c").verify() == []
-    assert look(store, "nobody's").verify() == []
-
-
 def test_forgetting_the_same_id_again_leaves_others_as_they_were(store: Store, record: Make) -> None:
     """The first forgetting's own event is erased by the second, and unlinks all the same."""
     with store.writing("b", actor="a", now=NOW) as t:

@@ -79,16 +79,6 @@ def test_a_file_that_cannot_be_used_is_refused_and_left_alone(
     assert sorted(tmp_path.iterdir()) == beside
 
 
-def test_a_folder_in_place_of_the_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(MemoryStoreError, match="it is not a file"):
-        Store.open(f"sqlite:///{tmp_path}")
-    with pytest.raises(MemoryStoreError, match="it is not a file"):
-        Store.open("sqlite:////dev/null")
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(MemoryStoreError, match="cannot be used"):
-        Store.open(f"sqlite:///{tmp_path / 'file' / 'memory.db'}")
-
-
 def test_a_locked_database_is_refused_and_serves_again_later(sqlite_url: str, tmp_path: Path) -> None:
     Store.open(sqlite_url).close()
     path = tmp_path / "memory.db"

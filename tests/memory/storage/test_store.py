@@ -81,15 +81,6 @@ def test_a_dedup_key_belongs_to_one_record(store: Store, record: Make, put: Make
         put(record("2", dedup_key="k"))
 
 
-def test_a_dedup_key_that_is_given_up_is_free(store: Store, record: Make, put: Make) -> None:
-    put(record("1", dedup_key="k"))
-    moved = put(replace(look(store, "b").records()[0], dedup_key="other"))
-    assert put(record("2", dedup_key="k")).id == "2"
-    with store.writing("b", actor="a", now=NOW) as t:
-        assert t.by_key("other") == moved
-        assert t.by_key("nobody's") is None
-
-
 def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: Make) -> None:
     for id in "123":
         put(record(id))
@@ -218,32 +209,6 @@ def test_episodes_come_back_for_replay(store: Store) -> None:
             t.save_episode(replace(EPISODE, source=""))
     assert look(store, "b").episodes(["run/1"]) == {"run/1": later}
     assert look(store, "b").verify() == []
-
-
-def test_stats_and_banks(store: Store, record: Make, put: Make, vector: np.ndarray) -> None:
-    put(record("1"), vector)
-    put(record("2", state="archive"))
-    put(record("x", bank="c"))
-    with store.writing("b", actor="a", now=NOW) as t:
-        t.link("1", "conflict", "2")
-        t.save_episode(EPISODE)
-    assert store.banks() == ["b", "c"]
-    stats = store.stats("b")
-    assert stats["states"] == {"active": 1, "archive": 1}
-    assert (stats["vectors"], stats["links"], stats["events"], stats["episodes"], stats["rev"]) == (
-        1,
-        1,
-        4,
-        1,
-        3,
-    )
-
-
-@pytest.mark.parametrize("name", ["a\x00b", "half \ud800"])
-def test_ids_that_no_database_takes(store: Store, record: Make, name: str) -> None:
-    with pytest.raises(MemoryStoreError), store.writing("b", actor="a", now=NOW) as t:
-        t.put(record(name), action="add")
-    assert store.stats("b")["events"] == 0
 
 
 def test_reading_is_one_instant(store: Store, url: str, record: Make, put: Make) -> None:

@@ -1,4 +1,4 @@
-"""Plan and check: the planner, once more with what was wrong with its answer, then the fallback planner.
+"""Plan and check: the planner with its advice, once more if its plan is rejected, then the fallback planner.
 
 If a planner fails (no answer, no plan, rejected twice) or declines for lack of means, the fallback may follow. That is
 never silent: the plan names the planner that stepped in, and a note says why.
@@ -6,22 +6,24 @@ never silent: the plan names the planner that stepped in, and a note says why.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from gvla2.episode.advice import advice_for
-from gvla2.episode.failure_diagnosis import theme_of
+from gvla2.episode.failure_diagnosis import diagnose, theme_of
 from gvla2.episode.lessons import handled_lengths
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PlannerTimeoutError, PlanningError
 from gvla2.language.contracts import LanguageModelError
+from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.arm import Arm
 from gvla2.planning.asking import ask
 from gvla2.planning.checks import check_trajectory
-from gvla2.planning.contracts import Plan, Planner, PlanRequest
-from gvla2.planning.effects import look_of, own_first
+from gvla2.planning.contracts import Advice, Done, Plan, Planner, PlanRequest
+from gvla2.planning.effects import Bound, effect_from_json, look_of, own_first, reconciled
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.skill import Skill
+from gvla2.planning.programs import Program
+from gvla2.planning.skill import Signal, Skill
+from gvla2.skills.table import STANDARD
 
 _FAILED = (LanguageModelError, PlanningError)
 
@@ -50,54 +52,47 @@ class PlannerWithFallback:
     def plan(self, record: EpisodeRecord) -> EpisodeRecord:
         """The record with a plan; a final abstention is its failure.
 
-        An invalid plan is returned to its planner once, with what is wrong with it. Raises :class:`PlanningError`,
-        :class:`PlannerTimeoutError` or :class:`LanguageModelError` if no planner had a plan.
+        Raises :class:`PlanningError`, :class:`PlannerTimeoutError` or :class:`LanguageModelError` if no planner had a
+        plan.
         """
         try:
-            record = self._answered(record, self.first)
+            record = self._planned(record, self.first)
+            refusal = record.planned.plan.abstention
+            why = f"declined ({refusal.kind}): {refusal.message}" if refusal and refusal.gives_way else ""
         except _FAILED as error:
             if self.fallback is None:
                 raise
-            record = self._stepped_in(record, self.fallback, f"failed: {error}")
-        refusal = record.planned.plan.abstention
-        if refusal is not None and refusal.gives_way and self.fallback and not self._fallback_planned(record):
-            why = f"declined ({refusal.kind}): {refusal.message}"
+            why = f"failed: {error}"
+        if why and self.fallback is not None:
             record = self._stepped_in(record, self.fallback, why)
-            refusal = record.planned.plan.abstention
+        refusal = record.planned.plan.abstention
         if refusal is not None:
             return replace(record, failure=Failure("plan", refusal.kind, refusal.message))
         return record
 
     def check(self, record: EpisodeRecord) -> EpisodeRecord:
         """Check the plan; on findings ask its planner once more with them, then the fallback."""
-        fallback = self.fallback
-        author = fallback if fallback is not None and self._fallback_planned(record) else self.first
+        fallback, author = self.fallback, self.first
+        if fallback is not None and record.planned.plan.fallback == fallback.name:
+            author = fallback
         record, report, may_fall_back = self._checked(record, author)
-        if not report.passed and may_fall_back and fallback is not None and author is not fallback:
+        if may_fall_back and fallback is not None and author is not fallback:
             why = f"was rejected twice: {' '.join(report.reasons)}"
             try:
                 other = self._stepped_in(record, fallback, why)
             except _FAILED as error:
                 record = _noted(record, f"The fallback planner failed: {error}")
             else:
-                record, report = self._fallback_checked(record, report, other, fallback)
+                refusal = other.planned.plan.abstention
+                if refusal is None:
+                    record, report, _ = self._checked(other, fallback)
+                else:  # the rejected plan stays
+                    note = f"The fallback planner declined ({refusal.kind}): {refusal.message}"
+                    record = _noted(replace(record, notes=other.notes), note)
         record = replace(record, checks=report)
         if not report.passed:
             return replace(record, failure=Failure("check", "rejected", " ".join(report.reasons)))
         return record
-
-    def _fallback_checked(
-        self, record: EpisodeRecord, report: CheckReport, other: EpisodeRecord, fallback: NamedPlanner
-    ) -> tuple[EpisodeRecord, CheckReport]:
-        """The fallback's plan, checked; if it has none either, the rejected one stays."""
-        refusal = other.planned.plan.abstention
-        if refusal is not None:
-            note = f"The fallback planner declined ({refusal.kind}): {refusal.message}"
-            return _noted(replace(record, notes=other.notes), note), report
-        return self._checked(other, fallback)[:2]
-
-    def _fallback_planned(self, record: EpisodeRecord) -> bool:
-        return self.fallback is not None and record.planned.plan.fallback == self.fallback.name
 
     def _checked(
         self, record: EpisodeRecord, author: NamedPlanner
@@ -118,21 +113,14 @@ class PlannerWithFallback:
             answer = f"asked again, the planner declined: {again.abstention.message}"
             record = _noted(record, f"The plan was rejected ({'; '.join(reasons)}); {answer}")
             return record, report, again.abstention.gives_way
-        if first.fallback and not again.fallback:
-            again = replace(again, fallback=first.fallback)
+        again = replace(again, fallback=again.fallback or first.fallback)
         note = f"The first plan was rejected ({'; '.join(reasons)}) and the planner asked again."
         record = _noted(replace(record, plan=again), note)
-        return record, check_plan(record, self.arm), True
+        report = check_plan(record, self.arm)
+        return record, report, not report.passed
 
-    def _answered(self, record: EpisodeRecord, planner: NamedPlanner) -> EpisodeRecord:
-        """The record with one planner's answer; it is asked again if the first one is not a plan."""
-        try:
-            plan = self._ask(record, planner)
-        except PlannerTimeoutError:
-            raise
-        except PlanningError as error:
-            plan = self._ask(record, planner, (str(error),))
-            record = _noted(record, f"{error} It was asked again.")
+    def _planned(self, record: EpisodeRecord, planner: NamedPlanner) -> EpisodeRecord:
+        plan = self._ask(record, planner)
         if plan.fallback:
             record = _noted(record, f"The planner '{plan.fallback}' stepped in.")
         return replace(record, plan=plan)
@@ -143,7 +131,7 @@ class PlannerWithFallback:
         note = f"The planner '{self.first.name}' {why} The fallback planner '{fallback.name}' stepped in."
         record = _noted(replace(record, plan=None), note)
         try:
-            record = self._answered(record, fallback)
+            record = self._planned(record, fallback)
         except _FAILED as error:
             late = isinstance(error, PlannerTimeoutError)
             kind = PlannerTimeoutError if late else PlanningError
@@ -193,3 +181,50 @@ def check_plan(record: EpisodeRecord, arm: Arm) -> CheckReport:
 
 def _noted(record: EpisodeRecord, note: str) -> EpisodeRecord:
     return replace(record, notes=(*record.notes, note))
+
+
+def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> Advice:
+    """Memory's text, effects (reconciled) and programs, then those of failed attempts, which bind in the same way."""
+    context = record.recalled or MemoryContext()
+    recalled = [(item.effect, item.id) for item in context.items if item.effect]
+    known = [effect_from_json(effect, source) for effect, source in recalled]
+    effects = [*reconciled(one for one in known if not isinstance(one, Program))]
+    programs = [one for one in known if isinstance(one, Program)]
+    lines = [context.text] if context.text else []
+    done: list[Done] = []
+    for number, attempt in enumerate(record.attempts, 1):
+        source, signals = f"attempt {number}", diagnose(attempt, skills)
+        effects += [replace(signal.effect, source=source) for signal in signals if signal.effect is not None]
+        done += _done(attempt, signals, skills)
+        reasons = [signal.words for signal in signals]
+        if not reasons and attempt.verdict is not None:
+            reasons = [reason.rstrip(".") for reason in attempt.verdict.reasons]
+        why = "; ".join(reasons) or "the goal was not reached"
+        skill = f" ({attempt.plan.skill})" if attempt.plan is not None and attempt.plan.skill else ""
+        lines.append(f"Earlier in this episode, {source}{skill} failed: {why}.")
+    return Advice("\n".join(lines), tuple(effects), tuple(programs), tuple(done))
+
+
+def _done(attempt: EpisodeRecord, signals: Sequence[Signal], skills: Mapping[str, Skill]) -> list[Done]:
+    """The value that an attempt reached for a persistent parameter, where it was not enough."""
+    plan, theme = attempt.plan, theme_of(attempt)
+    if plan is None or theme is None or plan.skill not in skills:
+        return []
+    x, y, z = (float(v) for v in theme.centre)
+    short = {s.effect.parameter for s in signals if s.kind == "undershoot" and isinstance(s.effect, Bound)}
+    lasting = [name for name in skills[plan.skill].lasting if name in short]
+    return [Done(plan.skill, name, plan.parameters[name], (x, y, z)) for name in lasting]
+
+
+def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str, ...]]:
+    """The context with ill-defined effects removed from their items, and one note each."""
+    items, notes = [], []
+    for item in context.items:
+        try:
+            if item.effect:
+                effect_from_json(item.effect)
+        except PlanningError as error:
+            notes.append(f"The effect of the remembered '{item.id}' was ignored: {error}")
+            item = replace(item, effect=None)  # its words may still help
+        items.append(item)
+    return replace(context, items=tuple(items)), tuple(notes)

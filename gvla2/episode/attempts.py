@@ -1,30 +1,42 @@
-"""Programs of several plans: continuing after a successful part, in the changed scene.
+"""What follows a motion: the next part of its program, or another attempt at the whole.
 
 A planner may hand over more skill calls than one plan holds (open the drawer, then put the cube in). The loop carries
 out the plan, moves the hand out of the cameras' view, looks again, finds the objects of the remaining calls in the new
-scene, and plans on.
+scene, and plans on. An attempt that surely failed may be repeated from the start.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gvla2.episode.evidence import correspond
 from gvla2.episode.record import EpisodeRecord, Failure
-from gvla2.episode.replan import back_off
 from gvla2.errors import PerceptionError, PlanningError
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.planning.skill import Skill
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener, RobotBackend
+from gvla2.robot.report import ExecutionReport
 from gvla2.skills.carry_out import carry_out
+from gvla2.skills.table import STANDARD
 
 AT_HOME = 0.05
 """Distance from the tool to its rest position below which the arm is out of the cameras' view, metres."""
+NO_MORE = ("not_started", "interrupted", "diverged")
+"""Stops after which the robot must not move again by itself."""
+
+MOVED = 0.02
+"""Distance by which a camera must have moved for its picture to show other things, metres."""
+RISE = 0.10
+"""Metres that the opened hand rises straight up before it goes home, or up to the workspace's edge."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +54,7 @@ class Continuation:
         return plan
 
 
-def goes_on(record: EpisodeRecord) -> bool:
+def has_next_part(record: EpisodeRecord) -> bool:
     """Whether the program has more parts, and nothing suggests that the last one failed."""
     return (
         record.failure is None
@@ -52,13 +64,10 @@ def goes_on(record: EpisodeRecord) -> bool:
     )
 
 
-def too_long(record: EpisodeRecord, most: int) -> EpisodeRecord:
+def stop_at_limit(record: EpisodeRecord, max_parts: int) -> EpisodeRecord:
     """The record of a program that would need more parts than allowed."""
-    left = record.planned.plan.remaining
-    message = (
-        f"The program has more than {most} parts: {_listed(left)} would come next. max_parts=NUMBER allows more; "
-        "or give the instruction in several runs."
-    )
+    left = f"{_listed(record.planned.plan.remaining)} would come next"
+    message = f"The program has more than {max_parts} parts: {left}. max_parts=NUMBER allows more."
     return replace(record, failure=Failure("plan", "too_many_parts", message))
 
 
@@ -67,7 +76,7 @@ def next_part(record: EpisodeRecord) -> EpisodeRecord:
     return record.afresh(parts=record.whole)
 
 
-def rest_of_program(record: EpisodeRecord) -> Continuation:
+def remaining_program(record: EpisodeRecord) -> Continuation:
     """The calls that the previous part left to do, with ids of the record's scene.
 
     Raises :class:`PerceptionError` if one of its objects was not seen again.
@@ -103,7 +112,7 @@ def _translated(call: SkillCall, now: dict[str, str], scene: Scene) -> SkillCall
     return replace(call, theme=now.get(call.theme, ""), goal=now.get(call.goal, ""))
 
 
-def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
+def clear_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
     """Move the hand out of the cameras' view before the next look, if it is in it; a held object is set down first.
 
     Returns "" or a sentence on what prevented it.
@@ -122,6 +131,20 @@ def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: Execution
     return back_off(robot, part, listener)
 
 
+def cameras_moved(before: Observation, after: Observation) -> bool:
+    """Whether a camera sits on the arm: its two pictures of the scene cannot be compared before the arm is back."""
+    return any(
+        float(np.linalg.norm(one.camera.position - other.camera.position)) > MOVED
+        for one, other in zip(before.views, after.views, strict=False)
+    )
+
+
+def hand_is_free(report: ExecutionReport) -> bool:
+    """Whether the motion left an empty hand that may move on by itself."""
+    stopped = report.abort is not None and report.abort.abort in (*NO_MORE, "expired")
+    return bool(report.waypoints) and not stopped and not report.waypoints[-1].held
+
+
 def _way_down(done: Trajectory) -> Trajectory | None:
     """Back along the path on which the held object was lifted, to where it was grasped; None with an empty hand."""
     waypoints = done.waypoints
@@ -132,15 +155,10 @@ def _way_down(done: Trajectory) -> Trajectory | None:
     while first > 0 and waypoints[first - 1].carries == held:
         first -= 1
     back = [replace(w, stage="set down", guard=None) for w in reversed(waypoints[first:-1])]
-    return Trajectory((*back, _set_down(waypoints[first - 1], held)))
-
-
-def _set_down(grasped: Waypoint, held: str) -> Waypoint:
-    """An object is set down once the hand is back where it grasped it."""
+    grasped = waypoints[first - 1]
     touching = grasped.allowed_contacts | {held, "table"}
-    return replace(
-        grasped, stage="set down", motion="linear", carries=held, allowed_contacts=touching, guard=None
-    )
+    down = replace(grasped, stage="set down", motion="linear", carries=held, guard=None)
+    return Trajectory((*back, replace(down, allowed_contacts=touching)))
 
 
 def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, ...]:
@@ -160,7 +178,7 @@ def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, .
     return tuple(reported)
 
 
-def words_of_part(record: EpisodeRecord) -> str:
+def part_instruction(record: EpisodeRecord) -> str:
     """The instruction of this part alone, in the user's or gvla2's own words: "place the red cube in".
 
     A verifier must not judge a part by the whole sentence, and a perceived label must not reach it as if the user
@@ -193,3 +211,77 @@ def _known(obj: SceneObject | None, given: set[str]) -> str:
 
 def _listed(calls: Sequence[SkillCall]) -> str:
     return ", ".join(map(str, calls))
+
+
+def should_replan(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
+    """Whether to replan: something was executed, surely failed, and the instruction still means the same.
+
+    "10 cm to the left" refers to where an object stood: after a failed push or placement without a visible goal it
+    means something else.
+    """
+    if record.verdict is None or record.verdict.outcome != "verified_fail" or record.plan is None:
+        return False
+    if record.report is None or not record.report.waypoints or record.after is None:
+        return False
+    if any(part.plan is not None and _relative(part.plan, skills) for part in record.whole):
+        return False
+    stopped = record.report.abort
+    return stopped is None or stopped.abort not in NO_MORE
+
+
+def _relative(plan: Plan, skills: Mapping[str, Skill]) -> bool:
+    """Whether a plan is relative to where an object stood; a place on the table stays where it is."""
+    if plan.calls:
+        return any(call.direction is not None for call in plan.calls)
+    skill = skills.get(plan.skill)
+    return skill is not None and skill.aimed and "goal" not in plan.roles
+
+
+def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
+    """The record of the next attempt, which holds the ones before; instruction and memory's answer stay."""
+    before = replace(record, attempts=())
+    return record.afresh(attempts=(*record.attempts, before), parts=())
+
+
+def previous_attempt_stands(record: EpisodeRecord) -> EpisodeRecord:
+    """The previous attempt, which counts when this one ended before anything moved; a note says why."""
+    before, failure = record.attempts[-1], record.failure
+    why = f"at '{failure.stage}' ({failure.kind}): {failure.message}" if failure else "without a plan."
+    note = f"Attempt {len(record.attempts) + 1} ended before anything moved, {why}"
+    spent = Counter(before.timings)
+    spent.update(record.timings)
+    return replace(before, attempts=record.attempts[:-1], timings=dict(spent), notes=(*before.notes, note))
+
+
+def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionListener) -> str:
+    """Open the hand where the attempt left it, rise and go home, so that the cameras see the table.
+
+    Returns "" or a sentence on what prevented it; the next attempt then starts from where the arm is.
+    """
+    scene = attempt.after_scene or attempt.seen.scene
+    way = _way_home(robot, attempt.executed.after.world_from_tcp[:3, 3], scene)
+    stopped = robot.execute(way, scene, listener).abort
+    if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found
+        stopped = robot.execute(Trajectory(way.waypoints[-1:]), scene, listener).abort
+    return f"The arm did not reach home before the next look: {stopped.message}" if stopped else ""
+
+
+def _way_home(robot: RobotBackend, here: FloatArray, scene: Scene) -> Trajectory:
+    """From the tool's position (3,), metres: open, straight up, home."""
+    arm = robot.arm
+    home = arm.forward(arm.home)
+    up = np.array([here[0], here[1], min(here[2] + RISE, float(arm.workspace.high[2]))])
+    near = frozenset({o.id for o in scene.objects} | {"table"})
+    turned = Orientation("grasp", _tuple(home[:3, 2]), _tuple(home[:3, 1]))
+    return Trajectory(
+        (
+            Waypoint(_tuple(here), 1.0, "let go", motion="linear", allowed_contacts=near),
+            Waypoint(_tuple(up), 1.0, "back off", motion="linear", allowed_contacts=near),
+            Waypoint(_tuple(home[:3, 3]), 1.0, "home", turned, tolerance=0.02),
+        )
+    )
+
+
+def _tuple(point: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in point)
+    return x, y, z

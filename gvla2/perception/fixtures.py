@@ -1,0 +1,315 @@
+"""Large known objects of which cameras see only a part: where they stand, and how far their parts are open.
+
+The surface of a scan, turned in steps, is correlated with the seen points in a grid: what stands on it, hides it or
+touches it then only adds points that the scan leaves unexplained. The best places are refined as in the gallery.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.perception.articulated import MovingPart
+from gvla2.perception.fitting import (
+    GAP,
+    NEAR,
+    ODDS,
+    Fit,
+    SeenPoints,
+    Sights,
+    judged,
+    refined,
+    seen_surface,
+)
+from gvla2.perception.scans import KnownScan
+from gvla2.planning.scene import Joint
+
+CELL = 0.02
+"""Side of a cell of the grid, metres."""
+YAWS = 24
+ABOVE = 0.012
+"""Metres above the table from which points count: paint and the table's noise do not."""
+PLACES, APART = 4, 0.05
+"""Places of a scan that are refined, and the least distance between two of like turn, metres."""
+MARGIN = 0.3
+"""Metres around the seen points in which a scan's middle may lie."""
+BEHIND = 0.03
+"""A cell is free where a camera measured something at least this far behind its middle, metres."""
+LEVELS = (-1, 0, 1)
+"""Heights over the table that are tried, in cells: fixtures sink into tables, or stand on feet that are not drawn."""
+SUNK = 0.03
+"""Metres by which a fixture may reach below the table."""
+FEW = 60
+"""Least cells in which a scan's surface and the seen points meet."""
+NEARBY = 0.02
+"""Metres around a placed scan within which seen points are laid onto it."""
+SPREAD = 0.008
+"""One seen point is used in each cell of this side, metres: a face seen at a slant counts as much as any other."""
+ROUGH, FINE = 150, 500
+"""Number of these that is used to shift the scan into place, and to lay it onto them."""
+BEST, KEPT, LAID = 12, 3, 6
+"""Shifts of a place that cameras judge, those that are kept, and the number of all that is laid onto the points."""
+THOROUGH, ROUNDS = 2, 3
+"""Places that are refined further, and how often."""
+HOPELESS = -8.0
+"""Log-odds of a place that is not refined further."""
+LOOKED_THROUGH = 2.0
+"""How much worse it is that a surface is not there than that a seen point is left unexplained."""
+STEPS = 9
+"""Positions of a joint that are tried, and again between the neighbours of the best."""
+OPEN_BY = 0.05
+"""A part is open only where that explains more of its surface, by this share of what is seen of it."""
+
+
+@dataclass(frozen=True)
+class SeenGrid:
+    """Cells from ``low`` (3,) on; ``seen`` are the transforms of what each is, by height: see :func:`seen_grid`.
+    ``points`` (N, 3) are the seen ones, one in each cell of :data:`SPREAD`.
+    """
+
+    points: FloatArray
+    low: FloatArray
+    size: tuple[int, int]
+    seen: NDArray[np.complex64]
+
+
+def likely_places(scan: KnownScan, grid: SeenGrid, table: float) -> list[FloatArray]:
+    """Poses (4, 4) of an upright scan on the table whose surface meets most occupied cells and fewest free ones."""
+    floor = float(scan.points[:, 2].min())
+    found: list[tuple[float, float, FloatArray]] = []
+    for yaw in 2 * np.pi * np.arange(YAWS) / YAWS:
+        turn = Rotation.from_euler("z", yaw).as_matrix()
+        placed = scan.points @ turn.T - [0.0, 0.0, floor]
+        counts = _correlated(grid, placed[placed[:, 2] > ABOVE])  # (H, R, C)
+        for at in np.argsort(counts, axis=None)[: -PLACES - 1 : -1]:
+            rise, row, column = np.unravel_index(at, counts.shape)
+            spot = [*(grid.low[:2] + CELL * np.array([row, column])), table - floor + CELL * LEVELS[rise]]
+            found.append((float(counts[rise, row, column]), float(yaw), np.array(spot)))
+    found.sort(key=lambda each: -each[0])
+    kept: list[tuple[float, FloatArray]] = []
+    for count, yaw, spot in found:
+        if count < FEW or len(kept) == PLACES:
+            break
+        near = [
+            np.linalg.norm(spot - other) < APART and np.cos(yaw - turned) > np.cos(1.6 * 2 * np.pi / YAWS)
+            for turned, other in kept
+        ]
+        if not any(near):
+            kept.append((yaw, spot))
+    return [rigid(Rotation.from_euler("z", yaw).as_matrix(), spot) for yaw, spot in kept]
+
+
+def seen_grid(points: FloatArray, sights: Sights, table: float) -> SeenGrid | None:
+    """The cells around points (N, 3), world metres: 1 where some of them are, -1 where a camera looked through; None
+    where nothing stands on the table.
+    """
+    up = points[points[:, 2] > table + ABOVE]
+    if len(up) < FEW:
+        return None
+    low = np.array([*(up[:, :2].min(axis=0) - MARGIN), table])
+    cells = ((up - low) / CELL).astype(int)
+    rows, columns = (
+        int(fft.next_fast_len(int(n), real=True)) for n in cells[:, :2].max(axis=0) + MARGIN / CELL + 1
+    )
+    size = (int(cells[:, 2].max()) + 2, rows, columns)
+    middles = low + CELL * (np.stack(np.indices(size)[[1, 2, 0]], axis=-1).reshape(-1, 3) + 0.5)
+    free = np.zeros(len(middles), dtype=bool)
+    for camera, depths, _ in zip(*sights, strict=True):
+        uv, depth = camera.project(middles)
+        inside = camera.inside(uv)
+        across, down = np.floor(uv[inside]).astype(int).T
+        free[inside] |= depths[down, across] > depth[inside] + BEHIND
+    state = np.where(free, -1.0, 0.0).astype(np.float32).reshape(size)
+    state[cells[:, 2], cells[:, 0], cells[:, 1]] = 1.0
+    return SeenGrid(spread(points), low, (rows, columns), fft.rfft2(state))
+
+
+def spread(points: FloatArray) -> FloatArray:
+    """One of points (N, 3) in each cell of :data:`SPREAD`."""
+    cells = ((points - points.min(axis=0)) / SPREAD).astype(np.int64)
+    return points[
+        np.unique(np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1)), return_index=True)[1]
+    ]
+
+
+def _correlated(grid: SeenGrid, placed: FloatArray) -> NDArray[np.float32]:
+    """(H, R, C) sum of the cells that a surface (M, 3) about the origin meets when it is moved to each cell, at
+    each of :data:`LEVELS`.
+    """
+    cells = np.floor(placed / CELL).astype(int)
+    cells = cells[cells[:, 2] < len(grid.seen)]
+    surface = np.zeros((len(grid.seen), *grid.size), dtype=np.float32)
+    surface[cells[:, 2], cells[:, 0] % grid.size[0], cells[:, 1] % grid.size[1]] = 1.0
+    turned, seen = fft.rfft2(surface).conj(), grid.seen
+    products = [
+        (seen[max(0, k) :][: len(seen) - abs(k)] * turned[max(0, -k) :][: len(seen) - abs(k)]).sum(axis=0)
+        for k in LEVELS
+    ]
+    return np.asarray(fft.irfft2(np.stack(products), s=grid.size))
+
+
+def upright(pose: FloatArray) -> FloatArray:
+    """The pose (4, 4) without tilt."""
+    turn = pose[:3, :3]
+    yaw = float(np.arctan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1]))
+    return rigid(Rotation.from_euler("z", yaw).as_matrix(), pose[:3, 3])
+
+
+def motion_of(joint: Joint, by: float) -> FloatArray:
+    """(4, 4) the motion of a part by ``by`` metres or radians on its joint."""
+    if joint.slides:
+        return rigid(translation=by * joint.axis)
+    turn = Rotation.from_rotvec(by * joint.axis).as_matrix()
+    return rigid(turn, joint.origin - turn @ joint.origin)
+
+
+def moved_scan(scan: KnownScan, number: int, position: float) -> KnownScan:
+    """The scan with its joint ``number`` at another position."""
+    link, own = scan.links[number], scan.owners == number
+    motion = motion_of(link.joint, position - link.joint.position)
+    points, normals, links = scan.points.copy(), scan.normals.copy(), list(scan.links)
+    points[own] = transform_points(motion, points[own])
+    normals[own] = normals[own] @ motion[:3, :3].T
+    links[number] = replace(link, joint=replace(link.joint, position=position))
+    return replace(scan, points=points, normals=normals, links=tuple(links))
+
+
+def opened(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> KnownScan:
+    """The scan, placed by ``pose`` (4, 4), with each joint where its part explains most of what cameras measured.
+
+    A part is closed unless it is clearly seen elsewhere: what is hidden stays as it is in the file.
+    """
+    for number, link in enumerate(scan.links):
+        own = scan.owners == number
+        points, normals = transform_points(pose, scan.points[own]), scan.normals[own] @ pose[:3, :3].T
+        joint, step = in_world(link.joint, pose), link.joint.reach / (STEPS - 1)
+
+        def score(
+            position: float, points: FloatArray = points, normals: FloatArray = normals, joint: Joint = joint
+        ) -> float:
+            motion = motion_of(joint, position - joint.position)
+            shown, through = visible(transform_points(motion, points), normals @ motion[:3, :3].T, seen)
+            return shown - LOOKED_THROUGH * through
+
+        best = max(np.linspace(0.0, link.joint.reach, STEPS), key=score)
+        best = max(np.linspace(max(0.0, best - step), min(link.joint.reach, best + step), STEPS), key=score)
+        if score(float(best)) > score(0.0) + OPEN_BY * len(points):
+            scan = moved_scan(scan, number, float(best))
+    return scan
+
+
+def in_world(joint: Joint, pose: FloatArray) -> Joint:
+    """A scan's joint in the world, the scan placed by ``pose`` (4, 4)."""
+    return replace(joint, axis=pose[:3, :3] @ joint.axis, origin=transform_points(pose, joint.origin))
+
+
+def visible(points: FloatArray, normals: FloatArray, seen: SeenPoints) -> tuple[int, int]:
+    """How many of a surface's points (M, 3) with unit normals the cameras show, and how many they looked through."""
+    shown = through = 0
+    for camera, depths in zip(seen.cameras, seen.depths, strict=True):
+        towards = camera.position - points
+        facing = np.einsum("ij,ij->i", normals, towards) > 0.25 * np.linalg.norm(towards, axis=1)
+        uv, z = camera.project(points[facing])
+        inside = camera.inside(uv)
+        columns, rows = np.floor(uv[inside]).astype(int).T
+        before = depths[rows, columns] - z[inside]  # NaN compares false: unknown says nothing
+        shown += int((np.abs(before) < NEAR).sum())
+        through += int((before > GAP).sum())
+    return shown, through
+
+
+def moving_parts(scan: KnownScan, pose: FloatArray) -> list[MovingPart]:
+    """The parts of a scan placed by ``pose`` (4, 4), in the world."""
+    return [
+        MovingPart(
+            link.name, transform_points(pose, scan.points[scan.owners == number]), in_world(link.joint, pose)
+        )
+        for number, link in enumerate(scan.links)
+    ]
+
+
+def find_large(scan: KnownScan, grid: SeenGrid, sights: Sights, table: float) -> Fit | None:
+    """The best fit of a scan that stands upright on the table among what is seen, of which others may hide it; None
+    where its surface hardly meets any of it.
+    """
+    points, skin = grid.points, scan.skin
+    starts = [
+        each
+        for pose in likely_places(skin, grid, table)
+        for each in _starts(skin, points, sights, table, pose)
+    ]
+    starts.sort(key=lambda each: each[0])
+    places = [_laid(skin, points, sights, table, pose) for _, pose in starts[:LAID]]
+    likely = [each for each in places if each is not None and ODDS.of(each[1]) > HOPELESS]
+    found = sorted(likely, key=lambda each: -each[0])[:THOROUGH]
+    for number in range(len(found)):
+        for _ in range(ROUNDS):
+            fit = found[number][1]
+            again = _laid(fit.scan, points, sights, table, fit.world_from_scan, joints=True)
+            if again is None or again[0] <= found[number][0]:
+                break
+            found[number] = again
+    if not found:
+        return None
+    _, best = max(found, key=lambda each: each[0])
+    for number, link in enumerate(best.scan.links):
+        if link.joint.position != scan.links[number].joint.position:
+            scan = moved_scan(scan, number, link.joint.position)
+    return replace(best, scan=scan)
+
+
+def _starts(
+    scan: KnownScan, points: FloatArray, sights: Sights, table: float, pose: FloatArray
+) -> list[tuple[float, FloatArray]]:
+    """The pose (4, 4), moved within its cell and turned within its step to where the seen points near it lie nearest
+    and least of the surface was looked through: the best few, each with how badly it fits. Closest points alone stop
+    where two of three faces fit, or at the wrong one of two layers.
+    """
+    near = points[scan.nearest.query(transform_points(invert_rigid(pose), points))[0] < NEARBY + CELL]
+    if len(near) < FEW:
+        return []
+    near = near[:: max(1, len(near) // ROUGH)]
+    some = slice(None, None, max(1, len(scan.points) // ROUGH))
+    sides, turns = CELL * np.linspace(-1.0, 1.0, 5), (2 * np.pi / YAWS) * np.linspace(-0.5, 0.5, 5)
+    shifts = np.stack(np.meshgrid(sides, sides, sides[1:-1]), axis=-1).reshape(-1, 3)
+    found: list[tuple[float, FloatArray]] = []
+    for turn in turns:
+        turned = Rotation.from_euler("z", turn).as_matrix() @ pose[:3, :3]
+        local = (near - pose[:3, 3] - shifts[:, None]) @ turned
+        gaps = np.minimum(scan.nearest.query(local)[0], NEARBY).mean(axis=1)
+        found += [(float(gaps[k]), rigid(turned, pose[:3, 3] + shifts[k])) for k in np.argsort(gaps)[:BEST]]
+    seen = seen_surface(near, *sights, table - SUNK)
+    tried = []
+    for gap, start in sorted(found, key=lambda each: each[0])[:BEST]:
+        placed, normals = transform_points(start, scan.points[some]), scan.normals[some] @ start[:3, :3].T
+        shown, through = visible(placed, normals, seen)
+        tried.append((gap + NEARBY * through / max(1, shown + through), start))
+    return sorted(tried, key=lambda each: each[0])[:KEPT]
+
+
+def _laid(
+    scan: KnownScan,
+    points: FloatArray,
+    sights: Sights,
+    table: float,
+    pose: FloatArray,
+    *,
+    joints: bool = False,
+) -> tuple[float, Fit] | None:
+    """The scan laid onto the seen points near it, and how much of what is seen it explains, in cells, less what cameras
+    looked through; with ``joints``, opened as it is seen to be.
+    """
+    near = points[scan.nearest.query(transform_points(invert_rigid(pose), points))[0] < NEARBY]
+    if len(near) < FEW:
+        return None
+    seen = seen_surface(near, *sights, table - SUNK)
+    pose = upright(refined(scan, seen, pose, fine=FINE))
+    if joints:
+        scan = opened(scan, seen, pose)
+    fit = judged(scan, seen, pose)
+    return fit.support - LOOKED_THROUGH * fit.through * len(near), fit
