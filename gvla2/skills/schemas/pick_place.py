@@ -82,7 +82,7 @@ def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None, stage: 
     """The stages up to the closed hand around the object, not yet lifted. ``touching`` are the allowed contacts, by
     default the theme and its parts; ``stage`` names the last motion before the hand closes.
     """
-    theta, theme = job.theta, job.own if touching is None else touching
+    theta, theme = job.theta, job.own | job.around if touching is None else touching
     # At this distance along the approach the fingertips are a standoff away from the object's top.
     reach = job.theme.top - grasp.centre[2] + job.hand.tip_beyond_tcp if grasp.back is None else grasp.back
     depth = reach + theta["standoff"]
