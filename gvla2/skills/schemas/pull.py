@@ -112,8 +112,8 @@ def _grip_point(slide: Slide, width: float, depth: float) -> FloatArray:
 
 
 def _distance(job: Job, slide: Slide, less: float = 1.0) -> float:
-    """How far to pull, metres: no farther than the joint goes, where it is known."""
-    far = np.inf if slide.joint is None else slide.joint.reach - slide.joint.position
+    """How far to pull, metres: nearly as far as the joint goes, where it is known; at its stop the bar would slip."""
+    far = np.inf if slide.joint is None else slide.joint.reach - slide.joint.position - LAG
     return float(less * min(job.theta["pull_distance"], far))
 
 
