@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
@@ -389,7 +390,11 @@ def _execute(
     try:
         after = _look(components, request, 2 * _looks(record) + 1)
         if cameras_moved(record.seen.observation, after) and hand_is_free(report):
-            note = back_off(components.robot, replace(record, after=after), _moving(listener))
+            # Around the scene as it is now: what the motion opened stands where nothing was.
+            now = replace(record, after=after)
+            with suppress(Gvla2Error):
+                now = replace(now, after_scene=_perceived(after, record, components))
+            note = back_off(components.robot, now, _moving(listener))
             record = replace(record, notes=(*record.notes, note)) if note else record
             after = _look(components, request, 2 * _looks(record) + 1)
         return replace(record, after=after, after_scene=_perceived(after, record, components))

@@ -163,7 +163,8 @@ def holders(obj: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
     """What the object stands in or on: its foot is within their footprint, at a height where they touch."""
     return tuple(
         o for o in scene.obstacles(frozenset({obj.id}))
-        if o.top > obj.bottom - CLOSE and o.bottom < obj.bottom + CLOSE and _over(obj, o) and o.top < obj.top
+        if o.top > obj.bottom - CLOSE and o.bottom < obj.bottom + CLOSE and _over(obj, o)
+        and (o.top < obj.top or o.opening > float(obj.extents[:2].min()))
     )  # fmt: skip
 
 

@@ -135,6 +135,14 @@ class Job:
         }
         return frozenset({"table"} | touching).union(*held)
 
+    @cached_property
+    def around(self) -> frozenset[str]:
+        """Ids of what the theme lies deep in: solids that hand and theme are inside of as the checks see them."""
+        from gvla2.planning.part_hierarchy import holders
+
+        deep = [h for h in holders(self.theme, self.scene) if h.top >= self.theme.top]
+        return frozenset[str]().union(*(self.scene.family(holder.id) for holder in deep))
+
     def lowest_tcp(self) -> float:
         """The lowest height of the tool, pointing down, with the fingertips above the table, metres."""
         return self.scene.table_height + TABLE_GAP + self.hand.tip_beyond_tcp

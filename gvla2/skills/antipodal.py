@@ -61,7 +61,8 @@ WHENCE = {
     "top": "from above",
     "leaning": "from above, leaning",
     "side": "from the side",
-    "outward": "from above, leaning outward",
+    "sloping": "from above, leaning outward",
+    "outward": "from above, leaning far outward",
 }
 FAMILIES = {"top": 0.0, "leaning": 0.08, "side": 0.2}
 """Deduction from the preference for each family of approaches."""

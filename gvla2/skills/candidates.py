@@ -20,8 +20,9 @@ from gvla2.planning.skill import Job, Proposal
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.64, 0.04
 """Distance to joint limits (radians), manipulability and clearance (metres) beyond which more is no better."""
 
-OVERLAP = 0.3
-"""Deduction for postures in which the arm overlaps the scene: those of the checks may differ, but seldom do."""
+OVERLAP, LIKELY_BLOCKED = 0.3, 0.25
+"""Deduction for postures in which the arm overlaps the scene, and the share of a try that checking them counts: the
+postures of the checks may differ, but seldom do."""
 
 LEAP = 2.0
 """A joint that turns further during one straight motion has changed to another posture of the arm, radians."""
@@ -64,14 +65,14 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
     passed_over = not request.rejections
     for reserve in (False, True):  # the reserve is for when nothing else is feasible
         walks = [_Walk(p, request, reach, forbidden) for p in proposals if p.reserve == reserve]
-        tried = 0
+        tried = 0.0
         for walk in _ranked(walks):
             rejected = walk.trouble or unreached.get(walk.poses(), "")
             rejected = rejected or next((blocked[b] for b in walk.beginnings() if b in blocked), "")
-            if not rejected and tried == tries:
+            if not rejected and tried >= tries:
                 rejected = f"not checked: {tries} better ones were"
             elif not rejected:
-                tried += 1
+                tried += 1.0 if walk.clear else LIKELY_BLOCKED
                 report = _check(walk.proposal, request, job)
                 rejected = " ".join(report.reasons)
                 if {f.check for f in report.findings if not f.passed} == {"kinematics"}:
@@ -140,7 +141,7 @@ class _Walk:
     def __init__(
         self, proposal: Proposal, request: PlanRequest, reach: _Reach, forbidden: Mapping[str, str]
     ) -> None:
-        self.proposal, self.ranked = proposal, False
+        self.proposal, self.ranked, self.clear = proposal, False, True
         names = (f"memory forbids {a} ({forbidden[a]})" for a in proposal.approaches if a in forbidden)
         self.trouble = next(names, "")
         self._poses: list[FloatArray] = []
@@ -169,7 +170,8 @@ class _Walk:
 
     def _rate(self, margin: float, manipulability: float, room: float) -> None:
         ease = 0.2 * max(0.0, margin) / LIMIT_COMFORT + 0.1 * manipulability / EASE
-        ease += 0.2 * max(-ROOM, room) / ROOM - (OVERLAP if room < 0.0 else 0.0)
+        self.clear = room >= 0.0
+        ease += 0.2 * max(-ROOM, room) / ROOM - (0.0 if self.clear else OVERLAP)
         self.score = round(float(self.proposal.preference + ease), 4)
 
     def _fails(self, why: str) -> None:

@@ -22,15 +22,22 @@ from gvla2.skills.antipodal import WHENCE, antipodal, held_between, skin_of
 from gvla2.skills.parameters import deepest
 from gvla2.skills.proposals import Grasp, horizontal
 
-LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9, "outward": 0.6}
+LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9, "sloping": 0.35, "outward": 0.5}
 """Tilt of each family of approaches from straight down, radians: none, enough to help with the wrist's limits, enough
-to come from the side, and, over a wall, with the hand outside, as far as walls slope."""
-FAMILIES = {"": ("top", "leaning", "side"), "rim": ("top", "outward")}
-"""Families of approaches for each part: beside a wall there is no room for a hand that leans along it."""
+to come from the side, and, over a wall, with the hand outside, little or as far as walls slope."""
+FAMILIES = {
+    "": ("top", "leaning", "side"),
+    "rim": ("top", "sloping", "outward"),
+    "brim": ("sloping", "outward"),
+}
+"""Families of approaches for each part: beside a wall there is no room for a hand that leans along it,
+and straight fingers slip off a plate's brim, which slopes."""
 
 DEFAULT = GraspOptions()
 PALM_ROOM, SHALLOWEST = 0.003, 0.006
 """Gap between the palm and a neighbour below it, and the least reach of the fingertips over an object, metres."""
+BRIM = 0.016
+"""How much wider than a brim's edge the hand opens, metres: wider fingers would meet the table before they reach it."""
 EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
 YAWS, RIM_YAWS = 8, 16
 YAW_ANGLES = np.pi * np.arange(36) / 36
@@ -45,7 +52,7 @@ class Hold:
     """Fingers closing along ``closing`` (3,) over ``width`` metres, at ``xy`` (2,).
 
     ``slide`` is how far it may be shifted along the hand's breadth, ``opening`` in [0, 1] the hand's greatest opening,
-    ``cost`` a deduction from the preference, ``part`` "rim", or "" for the whole object.
+    ``cost`` a deduction from the preference, ``part`` "rim", a flat object's "brim", or "" for the whole object.
     """
 
     closing: FloatArray
@@ -97,13 +104,14 @@ def wall(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
     """By the wall of an open round object, with one finger inside if there is room for it."""
     broad = float(theme.extents[:2].max())
     room = theme.opening - hand.finger_thickness - 0.01  # between the inner finger and the opposite wall
-    if theme.opening <= 0.0 or theme.shape not in ("cylinder", "other") or room < 0.01:
+    if theme.opening <= 0.0 or theme.shape not in ("cylinder", "disc", "other") or room < 0.01:
         return []
     thickness = max(0.002, 0.5 * (broad - theme.opening))
-    opening = min(1.0, (thickness + min(2 * options.snug + 0.012, room)) / hand.max_width)
+    spare = BRIM if theme.shape == "disc" else 2 * options.snug + 0.012
+    opening = min(1.0, (thickness + min(spare, room)) / hand.max_width)
     if thickness + options.clearance > hand.max_width * opening:
         return []
-    radius = 0.5 * (broad - thickness)
+    radius, part = 0.5 * (broad - thickness), "brim" if theme.shape == "disc" else "rim"
     found = []
     for k in range(RIM_YAWS):
         angle = 2 * np.pi * k / RIM_YAWS
@@ -111,7 +119,7 @@ def wall(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:
         xy = theme.centre[:2] + radius * out[:2]
         for sign, flip in EITHER_WAY:
             name = f"by its wall at {np.degrees(angle):.0f}°{flip}"
-            found.append(Hold(sign * out, thickness, name, xy, opening=opening, cost=0.1, part="rim"))
+            found.append(Hold(sign * out, thickness, name, xy, opening=opening, cost=0.1, part=part))
     return found
 
 
@@ -207,15 +215,21 @@ def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Gras
     beside = np.array([-closing[1], closing[0], 0.0])  # level, across the closing direction
     if beside @ job.outward() < 0:
         beside = -beside
-    if family == "outward":  # along the closing direction instead
+    over_wall = family in ("sloping", "outward")
+    if over_wall:  # along the closing direction instead
         beside = np.array([*(theme.centre[:2] - hold.xy), 0.0])
         beside = beside / np.linalg.norm(beside)
     approach = np.array([0.0, 0.0, -np.cos(tilt)]) + np.sin(tilt) * beside
     along = (theta["grasp_fraction"] - 0.5) * hold.slide
-    spread = max(0.0, job.hand.tip_beyond_tcp * np.cos(tilt) + 0.5 * job.hand.finger_breadth * np.sin(tilt))
+    aside = 0.5 * job.hand.finger_breadth
+    if over_wall:
+        aside = 0.5 * opening * job.hand.max_width + job.hand.finger_thickness
+    spread = max(0.0, job.hand.tip_beyond_tcp * np.cos(tilt) + aside * np.sin(tilt))
     lowest = job.lowest_tcp() - job.hand.tip_beyond_tcp + spread
     height = max(theme.top - theta["grasp_depth"], lowest)
-    inward = theta["grasp_depth"] * np.sin(tilt) if family == "outward" else along
+    inward = (
+        (theme.top - height) * np.tan(tilt) if over_wall else along
+    )  # the hand's axis goes through the rim
     centre = np.array([*hold.xy, height]) + inward * beside
     snug = 0.1 * (opening < hold.opening)
     preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.planning.part_hierarchy import is_handle, is_lid
+from gvla2.planning.part_hierarchy import holders, inside, is_handle, is_lid
 from gvla2.planning.scene import ROUND, Joint, Scene, SceneObject
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -264,6 +264,8 @@ def stuck(theme: SceneObject, scene: Scene) -> Stuck | None:
     """How an object is held sideways; None if it is not."""
     if theme.shape == "region" or theme.bottom < scene.table_height + 0.01:
         return None
+    if any(o.opening > 0.0 and o.joint is not None and inside(theme, o) for o in holders(theme, scene)):
+        return None  # it lies in an open drawer
     others = [o for o in scene.obstacles(frozenset({theme.id})) if o.parent != theme.id]
     return _covered(theme, others) or _flush(theme, others)
 

@@ -128,7 +128,7 @@ _SKILLS = (
     ),
     _standard(
         "twist", *_GRASP, *_CARRY, "turn", "lift_height",
-        description="unscrew a cap or lid from a bottle or jar and lift it, or put it down at the goal",
+        description="unscrew a cap or lid from a bottle or jar and lift it, or put it down at the goal; turn a knob",
         roles=(
             Role("theme", "the cap, or the bottle or jar that it closes"),
             Role("goal", "where the cap is put", required=False, relations=_ONTO),
@@ -155,8 +155,8 @@ _SKILLS = (
     ),
     _standard(
         "close", "standoff", "hook_depth", "let_go_angle", diagnosed=False,
-        description="swing an open lid shut",
-        roles=(Role("theme", "the box, or its lid"),),
+        description="swing an open lid shut, push a drawer shut",
+        roles=(Role("theme", "the box, or its lid; the drawer"),),
         words="Close (shut, swing or fold down a lid)",
         key=("let_go_angle", "hook_depth", "standoff"),
     ),

@@ -15,7 +15,7 @@ import numpy as np
 
 from gvla2.episode.evidence import difference
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import Joint, Scene, SceneObject
 from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle, shines
 from gvla2_plugins.geometric.case import Case, InconclusiveError, Score, level_gap, outside_footprint
 
@@ -360,11 +360,23 @@ def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Score:
     return _travelled(theme, along, planned, SHARE_PUSHED * planned)
 
 
+def _turned(case: Case, knob: SceneObject, joint: Joint) -> Score:
+    """The knob turned by at least half of what was planned; round knobs show little of their turn."""
+    later, planned = case.later(knob), case.evidence.plan.parameters.get("turn", 0.0)
+    wanted = float(np.clip(planned, -joint.position, joint.reach - joint.position))
+    came = later.joint.position - joint.position if later is not None and later.joint is not None else 0.0
+    if wanted * came <= 0.0 or abs(came) < 0.5 * abs(wanted):
+        raise InconclusiveError(f"It cannot be seen whether {knob.label} turned.")
+    return Score(1.0, f"{knob.label} turned by {np.degrees(came):.0f}°.")
+
+
 def _twisted(case: Case) -> Score:
     """The cap is off: in the hand or somewhere else; on its goal, if the plan has one."""
     cap, goal = case.handled(), case.role("goal")
     if goal is not None:
         return _placed(case, cap, goal)
+    if cap.joint is not None:
+        return _turned(case, cap, cap.joint)
     later, holding = case.later(cap), case.holding and case.last_held is not False
     if later is not None:
         aside, raised = level_gap(later.centre, cap.centre), later.bottom - cap.bottom

@@ -17,6 +17,7 @@ from gvla2.planning.scene import ROUND, SIDES, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard, Trajectory
 from gvla2.skills.grasps import grasps
+from gvla2.skills.mechanisms import UP
 from gvla2.skills.proposals import Grasp, Path
 
 LEANING = 0.03
@@ -30,6 +31,8 @@ FLOOR = 0.01
 """Assumed thickness of a container's floor that was not seen, metres."""
 ALIKE = 1.15
 """An object whose sides differ by less than this factor may lie either way."""
+ASIDE = (0.035, -0.035, 0.06, -0.06)
+"""Shifts along a side, metres."""
 SIDE_GAP = 0.03
 """Gap between objects put beside one another, metres: room for a finger."""
 
@@ -79,7 +82,7 @@ def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None, stage: 
     """The stages up to the closed hand around the object, not yet lifted. ``touching`` are the allowed contacts, by
     default the theme and its parts; ``stage`` names the last motion before the hand closes.
     """
-    theta, theme = job.theta, job.own if touching is None else touching
+    theta, theme = job.theta, job.own | job.around if touching is None else touching
     # At this distance along the approach the fingertips are a standoff away from the object's top.
     reach = job.theme.top - grasp.centre[2] + job.hand.tip_beyond_tcp if grasp.back is None else grasp.back
     depth = reach + theta["standoff"]
@@ -122,7 +125,26 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
     if isinstance(found, Abstention):
         return found
     turns, spots = _turns(job), goal_spots(job)
-    return [_place(job, grasp, spot, name, turn) for grasp in found for spot, name in spots for turn in turns]
+    ways = [(True, spots), (False, spots), (True, _aside(job, spots))]
+    return [
+        _place(job, grasp, spot, name, turn, straight, reserve=k > 0)
+        for k, (straight, where) in enumerate(ways)
+        for grasp in found
+        for spot, name in where
+        for turn in turns
+    ]
+
+
+def _aside(job: Job, spots: list[tuple[FloatArray, str]]) -> list[tuple[FloatArray, str]]:
+    """Further along the goal's sides, for where something stands at their middles."""
+    if job.goal is None or job.relation in ("on", "in", "to"):
+        return []
+    found = []
+    for spot, name in spots:
+        level = (spot - job.goal.centre) * [1.0, 1.0, 0.0]
+        along = np.cross(UP, level / np.linalg.norm(level))
+        found += [(spot + shift * along, f"{name}, {100 * shift:.0f} cm aside") for shift in ASIDE]
+    return found
 
 
 def _turns(job: Job) -> list[float]:
@@ -160,7 +182,8 @@ def goal_spots(job: Job) -> list[tuple[FloatArray, str]]:
         if job.relation in (side, "beside", ""):
             way = job.scene.side(side)
             # Half the diagonal of the theme, since it may be turned.
-            reach = goal.half_along(way) + 0.5 * np.linalg.norm(theme.extents[:2])
+            outline = theme.extents[:1] if theme.shape in ROUND else theme.extents[:2]
+            reach = goal.half_along(way) + 0.5 * np.linalg.norm(outline)
             spot = goal.centre + way * (reach + SIDE_GAP)
             spots.append((np.array([*spot[:2], table]), side.replace("_", " ")))
     return spots
@@ -191,9 +214,13 @@ def support_of(job: Job, grasp: Grasp, spot: FloatArray) -> float:
     return float(min(goal.top, max(floor, palm, tips)))
 
 
-def _place(job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float) -> Proposal:
+def _place(
+    job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float, straight: bool, *, reserve: bool
+) -> Proposal:
+    """Lift straight up as high as it is carried; or a little, and then around what is above."""
+
     def way() -> Trajectory:
-        path, over = brought(job, grasp, spot, turn)
+        path, over = brought(job, grasp, spot, turn, straight)
         put_down(job, path, grasp, over, spot)
         return path.trajectory()
 
@@ -202,14 +229,20 @@ def _place(job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float) ->
     if job.share[1] > 1 and job.goal is not None:  # fingers between the objects need room, too
         closing = Rotation.from_euler("z", turn).apply(grasp.closing)
         preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
-    return Proposal(how, grasp.approaches, preference, way)
+    how += "" if straight else ", around what is above it"
+    return Proposal(how, grasp.approaches, preference, way, reserve=reserve)
 
 
-def brought(job: Job, grasp: Grasp, spot: FloatArray, turn: float) -> tuple[Path, Grasp]:
+def brought(
+    job: Job, grasp: Grasp, spot: FloatArray, turn: float, straight: bool = True
+) -> tuple[Path, Grasp]:
     """The path from the approach to over the spot (3,), with the theme turned by ``turn``, and the grasp there."""
     path, over = take(job, grasp), over_spot(job, grasp, spot, turn)
     out = draw_out(job, path, grasp)
-    path.line("lift", np.array([*out[:2], over.centre[2]]), allowed=job.own | job.resting)
+    up = np.array([*out[:2], over.centre[2]])
+    if not straight:  # back the way that the hand came, unless the theme stands in something
+        up = out + (job.rise + 2 * CLEAR) * (UP if job.rise > 0.0 else -grasp.approach)
+    path.line("lift", up, allowed=job.own | job.resting)
     carry(path, over)
     return path, over
 

@@ -28,7 +28,7 @@ BACK = 0.03
 """Distance of the retreat, metres: the fingertips are then clear of the bar."""
 LEANS = (0.0, 0.2, 0.4, 0.6)
 """Downward tilts of a hand from the front, radians: near the table its body needs room."""
-HOOKS = (0.4, 0.3, 0.5, 0.7)
+HOOKS = (0.4, 0.3, 0.2, 0.5, 0.7)
 """Downward tilts of a hand whose fingers hook behind a bar, radians."""
 OVER, FRONT_GAP = 0.0025, 0.001
 """Gaps of hooking fingers above the bar on their way in, and to the front behind it, metres."""
@@ -112,8 +112,8 @@ def _grip_point(slide: Slide, width: float, depth: float) -> FloatArray:
 
 
 def _distance(job: Job, slide: Slide, less: float = 1.0) -> float:
-    """How far to pull, metres: no farther than the joint goes, where it is known."""
-    far = np.inf if slide.joint is None else slide.joint.reach - slide.joint.position
+    """How far to pull, metres: nearly as far as the joint goes, where it is known; at its stop the bar would slip."""
+    far = np.inf if slide.joint is None else slide.joint.reach - slide.joint.position - LAG
     return float(less * min(job.theta["pull_distance"], far))
 
 

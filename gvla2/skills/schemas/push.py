@@ -13,20 +13,25 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard
 from gvla2.skills.mechanisms import UP
+from gvla2.skills.parameters import defaults
 from gvla2.skills.proposals import Path, horizontal, pointing
-from gvla2.skills.schemas.pick_place import goal_spots
+from gvla2.skills.schemas.pick_place import goal_spots, propose_place
 
 EDGE = 0.006
 """The line of the push meets the face at least this far from its edge, metres: perceived boxes are inexact."""
 LEAN = 0.5
 """How far the hand leans over a low object that stands close before something, radians."""
+ASLANT = (0.0, 0.4, -0.4)
+"""Turns of a hand that cradles a round object, from square to the push, radians."""
 CLOSE = 0.012
 """Gap between a leaning hand's fingers and the object before the push, metres."""
 LEAN_ROOM = 0.016
@@ -71,7 +76,24 @@ def propose_push(job: Job) -> list[Proposal] | Abstention:
         if blocked := _in_the_way(job, strokes):
             how, preference = f"{how}, but '{blocked.label}' is in the way", preference - 0.5
         proposals.append(_push(job, strokes, how, family, preference))
-    return proposals
+    return [*proposals, *_carried_instead(job)]
+
+
+def _carried_instead(job: Job) -> list[Proposal]:
+    """In reserve, for where no stroke is free: the object is carried there."""
+    names = (
+        "approach_tilt",
+        "grasp_depth",
+        "grasp_fraction",
+        "transit_clearance",
+        "place_height",
+        "standoff",
+    )
+    theta = {**job.theta, **defaults("place", names, job.theme, job.hand, SkillOptions())}
+    found = propose_place(replace(job, theta=theta))
+    if isinstance(found, Abstention):
+        return []
+    return [replace(p, description=f"carried there: {p.description}", reserve=True) for p in found]
 
 
 def push_goal(job: Job) -> FloatArray:
@@ -97,10 +119,10 @@ def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[_Stroke], str, s
     way = shift / np.linalg.norm(shift)
     if theme.shape in ROUND:
         radius = 0.5 * float(theme.extents[:2].max())
-        for stroke in _round(theme.centre, goal, way, radius, job):
-            yield [stroke], "push between two fingers", "straight", 0.9
-            closer = _closer(stroke, radius, job)
-            yield [closer], "push with the fingers close together", "straight", 0.7
+        for aslant in ASLANT:
+            text = "push between two fingers" + (f", hand turned {np.degrees(aslant):.0f}°" if aslant else "")
+            for stroke in _round(theme.centre, goal, way, radius, aslant, job):
+                yield [stroke], text, "straight", 0.9 - 0.3 * abs(aslant)
         return
     normals = [n for n in theme.upright_faces() if n @ way > 1e-3]
     for normal in normals:
@@ -150,22 +172,21 @@ def _contact_depth(job: Job) -> float:
     return 0.5 * (job.hand.palm_depth if palm else job.hand.finger_breadth)
 
 
-def _round(begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, job: Job) -> Iterator[_Stroke]:
-    """Two fingers behind a round object, opened to its radius: they cradle it."""
+def _round(
+    begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, aslant: float, job: Job
+) -> Iterator[_Stroke]:
+    """Two fingers behind a round object, opened to its radius: they cradle it, also if the hand is turned by ``aslant``
+    radians from square to the push, as long as the push's line is between them.
+    """
     hand = job.hand
     opening = float(np.clip(radius / hand.max_width, 0.0, 1.0))
     inner = 0.5 * opening * hand.max_width
     gap = np.sqrt(max(0.0, radius**2 - inner**2))  # from the middle to the fingers' inner edges
-    across = np.array([-way[1], way[0], 0.0])
-    behind = -(gap + _contact_depth(job)) * way
+    normal = Rotation.from_euler("z", aslant).apply(way)
+    across = np.array([-normal[1], normal[0], 0.0])
+    behind = -(gap + _contact_depth(job)) * normal
     for sign in (1.0, -1.0):
         yield _Stroke(begin, end, way, behind, sign * across, opening)
-
-
-def _closer(stroke: _Stroke, radius: float, job: Job) -> _Stroke:
-    """The stroke with closed fingers, which need less room beside each other, but hardly guide a round object."""
-    behind = -(radius + 0.5 * job.hand.finger_breadth) * stroke.way
-    return replace(stroke, behind=behind, opening=0.0)
 
 
 def _push(job: Job, strokes: list[_Stroke], how: str, family: str, preference: float) -> Proposal:
@@ -178,7 +199,9 @@ def _push(job: Job, strokes: list[_Stroke], how: str, family: str, preference: f
     opening = min(stroke.opening for stroke in strokes)
     for k, stroke in enumerate(strokes):
         part = f" {k + 1}" if len(strokes) > 1 else ""
-        down = -np.cos(stroke.lean) * UP - np.sin(stroke.lean) * stroke.way
+        square = np.array([stroke.closing[1], -stroke.closing[0], 0.0])
+        square = square if square @ stroke.way > 0.0 else -square
+        down = -np.cos(stroke.lean) * UP - np.sin(stroke.lean) * square
         path.orientation = pointing(stroke.closing, down)
         standoff = CLOSE if stroke.lean else theta["standoff"]  # a leaning palm is not behind the fingers
         start, end = (

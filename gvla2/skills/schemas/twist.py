@@ -27,7 +27,7 @@ ASKEW = 8.0
 SIDES = 12
 GIVE = 0.02
 """Tolerance while a knob is turned, metres: its axis guides it, and the arm yields."""
-STILL = 0.05
+STILL = 0.1
 """A smaller turn of a knob is none, radians."""
 
 
@@ -61,7 +61,9 @@ def _turned_knob(job: Job, joint: Joint) -> list[Proposal] | Abstention:
     """Grasps across the narrowest parts of the knob's outer end, with the tool on its axis."""
     turn = float(np.clip(job.theta["turn"], -joint.position, joint.reach - joint.position))
     knob, hand = job.theme, job.hand
-    if abs(turn) < STILL:
+    if joint.position + turn < STILL:
+        turn -= STILL  # to its stop: where off is may be seen a little off
+    elif abs(turn) < STILL:
         return Abstention("other", f"The {knob.label} is turned as far already.")
     whole = job.scene.whole_of(knob)
     middle = knob.centre - (whole.centre if whole is not None else job.scene.table_height * UP)
