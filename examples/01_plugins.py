@@ -4,8 +4,8 @@ python examples/01_plugins.py
 """
 
 from gvla2.plugins.kinds import KINDS
+from gvla2.plugins.manager import structured
 from gvla2.plugins.registry import load_plugins
-from gvla2.plugins.validation import structured
 
 registry = load_plugins()
 

@@ -73,20 +73,26 @@ def lessons_in(unit) -> set[str]:
 
 def test_planners_measured_one_by_one_stand_side_by_side_in_a_report(registry, tmp_path, units, capsys):
     given = ["arms=['off']", "tasks=[lamp_on,put_block]", "layouts=[200,201,203]"]
-    planners = (["planner=skill"], ["planner=code_policies"], ["planner=code_policies", "planner.samples=3"])
+    planners = (
+        ["planner=skill"],
+        ["planner=code_policies"],
+        ["planner=code_policies", "planner.max_tokens=256"],
+    )
     for number, planner in enumerate(planners):
         config = config_of(registry, tmp_path, *planner, *given)
         assert run_bench(config, registry, tmp_path / str(number)) == 1
     ran = [(unit.subject, unit.arm.name, unit.layout) for unit in units]
     assert ran == 3 * list(product(("put_block", "lamp_on"), ("off",), (200, 201, 203)))
     rows = rows_of(tmp_path / "2")
-    assert {row["planner"] for row in rows} == {"code_policies (samples=3)"}, "other options are other rows"
+    assert {row["planner"] for row in rows} == {"code_policies (max_tokens=256)"}, (
+        "other options are other rows"
+    )
     assert {(row["calls"], row["prompt_tokens"], row["completion_tokens"]) for row in rows} == {(2, 300, 12)}
     assert {row["model"] for row in rows} == {"http://127.0.0.1:8000/v1"}
     report = ReportConfig("robot", results=config.results, formats=["markdown"])
     assert job(report, registry, tmp_path / "report") == 3 * 6 * 2
     text = (tmp_path / "report" / "report.md").read_text()
-    assert "|  | skill | code_policies | code_policies (samples=3) |" in text
+    assert "|  | skill | code_policies | code_policies (max_tokens=256) |" in text
     assert "300 + 12" in text
     assert "33.3" in text
     run_bench(config, registry, tmp_path / "again")

@@ -16,6 +16,7 @@ MAPPED = {"gvla2": "gvla2", "conf": "gvla2/conf", "plugins": "gvla2_plugins"}
 """Folders of the checkout and where a wheel has them."""
 DATA = {
     ".md",
+    ".txt",
     ".jsonl",
     ".yaml",
     ".jinja",

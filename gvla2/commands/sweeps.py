@@ -179,6 +179,7 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
             number = results.begin(SUITE, folder, config)
         results.add(number, SUITE, cells)
         stored = results.cells(SUITE, runs=[number])
+        stored = sorted(stored, key=lambda cell: int(cell.factors["job"]))
         runs = results.runs(SUITE)
     for file in publish(stored, runs, SUITE, folder, ("terminal", "csv", "html")):
         print(f"{file.suffix[1:]}: {file}")

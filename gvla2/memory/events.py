@@ -144,10 +144,10 @@ class StoredEpisode:
             task = MemoryTask(data["task"]["query"], skill=data["task"]["skill"])
             if not isinstance(source, str) or not isinstance(at, float) or not math.isfinite(at):
                 raise ValueError("no source or no time")
-            kept = {"transcript": str(data["transcript"]), "facts": dict(data["facts"])}
             return cls(
-                source, at, task, **kept, judged=int(data.get("judged", 1)), records=tuple(data["records"])
-            )
+                source, at, task, transcript=str(data["transcript"]), facts=dict(data["facts"]),
+                judged=int(data.get("judged", 1)), records=tuple(data["records"]),
+            )  # fmt: skip
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an episode: {error}") from error
 

@@ -62,7 +62,7 @@ class HybridRetriever:
         rows = np.flatnonzero(about)
         for name in set(options.essential) & task.signature.keys():
             # nan, of a record without the number, does not exclude
-            held = [candidates[row] for row in rows]
+            held = [candidates[row] for row in rows.tolist()]
             rows = rows[~(scene_difference(task.signature, name, held) > options.max_difference)]
         if not len(rows):
             why = "records are about this, all of them from a different geometry"
@@ -70,7 +70,7 @@ class HybridRetriever:
         relevance = options.lexical_weight * lexical[rows] + options.cosine_weight * cosine[rows]
         # Relative to the best, like BM25 / its maximum: else confidence would outweigh relevance.
         relevance /= max(float(relevance.max()), 1e-9)
-        held = [candidates[row] for row in rows]
+        held = [candidates[row] for row in rows.tolist()]
         terms = score_terms(options.weights, held, candidates.now, relevance, task.signature)
         scores = np.sum(list(terms.values()), axis=0)
         if (best := scores.max()) < options.min_score:

@@ -196,7 +196,8 @@ def levelled(fit: Fit, seen: SeenPoints) -> Fit:
     seems to lean.
     """
     turn = fit.world_from_scan[:3, :3]
-    rest = max(fit.scan.rests, key=lambda rest: float(turn[2] @ rest[2]))
+    rests: FloatArray = fit.scan.rests
+    rest = rests[int(np.argmax(rests[:, 2] @ turn[2]))]
     axis = np.cross(turn[2], rest[2])  # in the scan's frame: from its present vertical to that of the rest
     angle = float(np.arcsin(min(1.0, np.linalg.norm(axis))))
     if turn[2] @ rest[2] < 0.0 or not 1e-3 < angle < LEANS:

@@ -88,8 +88,9 @@ def likely_places(scan: KnownScan, grid: SeenGrid, table: float) -> list[FloatAr
         counts = _correlated(grid, placed[placed[:, 2] > ABOVE])  # (H, R, C)
         for at in np.argsort(counts, axis=None)[: -PLACES - 1 : -1]:
             rise, row, column = np.unravel_index(at, counts.shape)
-            spot = [*(grid.low[:2] + CELL * np.array([row, column])), table - floor + CELL * LEVELS[rise]]
-            found.append((float(counts[rise, row, column]), float(yaw), np.array(spot)))
+            height = table - floor + CELL * LEVELS[rise]
+            spot = np.array([*(grid.low[:2] + CELL * np.array([row, column])), height])
+            found.append((float(counts[rise, row, column]), float(yaw), spot))
     found.sort(key=lambda each: -each[0])
     kept: list[tuple[float, FloatArray]] = []
     for count, yaw, spot in found:
@@ -117,7 +118,8 @@ def seen_grid(points: FloatArray, sights: Sights, table: float) -> SeenGrid | No
         int(fft.next_fast_len(int(n), real=True)) for n in cells[:, :2].max(axis=0) + MARGIN / CELL + 1
     )
     size = (int(cells[:, 2].max()) + 2, rows, columns)
-    middles = low + CELL * (np.stack(np.indices(size)[[1, 2, 0]], axis=-1).reshape(-1, 3) + 0.5)
+    height, row, column = np.indices(size)
+    middles = low + CELL * (np.stack([row, column, height], axis=-1).reshape(-1, 3) + 0.5)
     free = np.zeros(len(middles), dtype=bool)
     for camera, depths, _ in zip(*sights, strict=True):
         uv, depth = camera.project(middles)

@@ -77,7 +77,7 @@ class Rasteriser:
         """
         count, height, width = len(gaussians), camera.height, camera.width
         splats, boxes = np.empty((count, SPLAT_COLUMNS), np.float32), np.empty((count, 4), np.int32)
-        given = _pack(camera, self), width, height, *_contiguous(gaussians), splats, boxes
+        given: Any = _pack(camera, self), width, height, *_contiguous(gaussians), splats, boxes
         run_chunks(lambda start, stop: _project(start, stop, *given), count, _FEWEST_FOR_THREADS)
         # Sorted once, nearest first and equal depths in the Gaussians' order: so is each tile's list then.
         shown = np.flatnonzero(boxes[:, 0] < boxes[:, 1])

@@ -224,15 +224,17 @@ def solve(recording: Recording) -> Solution:
     constants = hands @ transform @ targets
     mean = _mean(constants)
     turns = Rotation.from_matrix(mean[:3, :3].T @ constants[:, :3, :3]).magnitude()
-    return Solution(transform, np.linalg.norm(constants[:, :3, 3] - mean[:3, 3], axis=1), turns)
+    return Solution(transform, np.linalg.norm(constants[:, :3, 3] - mean[:3, 3], axis=1), np.asarray(turns))
 
 
 def _closed_form(hands: FloatArray, targets: FloatArray) -> FloatArray:
     """The unknown (4, 4) with ``hand unknown target`` constant."""
     import cv2
 
-    poses = (list(matrices) for some in (hands, targets) for matrices in (some[:, :3, :3], some[:, :3, 3]))
-    rotation, shift = cv2.calibrateHandEye(*poses, method=cv2.CALIB_HAND_EYE_PARK)
+    rotation, shift = cv2.calibrateHandEye(
+        list(hands[:, :3, :3]), list(hands[:, :3, 3]), list(targets[:, :3, :3]), list(targets[:, :3, 3]),
+        method=cv2.CALIB_HAND_EYE_PARK,
+    )  # fmt: skip
     if not np.isfinite(rotation).all():
         raise RobotError("No transform was found: are the poses of hand and target of the same moments?")
     return rigid(rotation, np.ravel(shift))

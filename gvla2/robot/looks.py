@@ -96,9 +96,11 @@ def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> Surface:
         return {"vertices": coarse.vertices, "faces": coarse.faces, "rgb": colours[kept]}
 
     if not thinned:
-        return Surface(**load(), id=0)
+        made = load()
+        return Surface(made["vertices"], made["faces"], made["rgb"], id=0)
     key = f"{_VERSION} {CELL} {rgb} {path.suffix} {hashlib.sha256(path.read_bytes()).hexdigest()}"
-    return Surface(**cached_arrays(cache_folder() / "looks", key, load), id=0)
+    made = cached_arrays(cache_folder() / "looks", key, load)
+    return Surface(made["vertices"], made["faces"], made["rgb"], id=0)
 
 
 class RobotLooks:

@@ -234,4 +234,4 @@ def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Gras
     snug = 0.1 * (opening < hold.opening)
     preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost
     how = f"grasp {WHENCE[family]}, {hold.name}{grip}"
-    return Grasp(how, family, closing, approach, centre, opening, preference)
+    return Grasp(how, family, closing, approach, centre, opening, preference, width=hold.width)

@@ -8,6 +8,7 @@ It imports nothing of gvla2.
 
 import sys
 from pathlib import Path
+from typing import Any
 
 
 def main(image: Path, output: Path) -> None:
@@ -22,7 +23,8 @@ def main(image: Path, output: Path) -> None:
         made["glb"].export(str(output / "result.glb"))
     pose = {name: made[name] for name in ("scale", "rotation", "translation") if made.get(name) is not None}
     tensors = {name: x.detach().cpu() if hasattr(x, "detach") else x for name, x in pose.items()}
-    np.savez(output / "params.npz", **{name: np.asarray(x) for name, x in tensors.items()})
+    arrays: dict[str, Any] = {name: np.asarray(x) for name, x in tensors.items()}
+    np.savez(output / "params.npz", **arrays)
 
 
 if __name__ == "__main__":

@@ -156,6 +156,10 @@ class TabletopObjects:
 
     def __init__(self, config: TabletopObjectsConfig) -> None:
         objects = config.objects
+        if not objects.root:
+            raise ConfigurationError(
+                "task=tabletop_objects needs task.objects.root=FOLDER, a folder of meshes."
+            )
         self._library = chosen(mesh_library(objects.root), objects.names)
         self._config, self._objects = config, objects
         count = (len(self._library) if objects.names else 1) if objects.count is None else objects.count

@@ -209,7 +209,7 @@ def support_of(job: Job, grasp: Grasp, spot: FloatArray) -> float:
     hangs = grasp.centre[2] - theme.bottom
     palm = goal.top + 0.01 - (hand.finger_length - hand.tip_beyond_tcp) - hangs
     aside = float(np.abs(spot[:2] - goal.centre[:2]).max())
-    spread = 0.5 * hand.max_width * grasp.opening + hand.finger_thickness + 0.01
+    spread = 0.5 * hand.max_width * release_opening(job, grasp) + hand.finger_thickness + 0.01
     tips = goal.top + 0.004 + hand.tip_beyond_tcp - hangs if aside + spread > 0.5 * goal.opening else floor
     return float(min(goal.top, max(floor, palm, tips)))
 
@@ -275,7 +275,14 @@ def put_down(job: Job, path: Path, grasp: Grasp, over: Grasp, spot: FloatArray) 
         touching |= job.scene.family(job.goal.id)
     path.line("place", down, allowed=touching, slow=True)
     away = down - over.approach * (theta["standoff"] + theta["grasp_depth"])
-    let_go(path, down, away, grasp.opening, touching)
+    let_go(path, down, away, release_opening(job, grasp), touching)
+
+
+def release_opening(job: Job, grasp: Grasp) -> float:
+    """How far the hand opens to let go, in [0, 1]: in a container no further than it must."""
+    inside = job.goal is not None and job.goal.opening > 0.0 and grasp.width > 0.0
+    least = (grasp.width + 2 * job.grasp.snug) / job.hand.max_width
+    return min(grasp.opening, least) if inside else grasp.opening
 
 
 def fits_over(obj: SceneObject, post: SceneObject) -> bool:
