@@ -10,15 +10,20 @@ from gvla2.errors import ConfigurationError
 from gvla2.language import LanguageModelError
 from gvla2.planning.contracts import Advice
 from gvla2.testing import inputs
-from gvla2_plugins import agent3d, code_policies, voxposer
+from gvla2_plugins import agent3d, code_policies, robopoint, voxposer
 from tests.local_model import LocalModel, refused, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner
 
-PLANNERS = {
+NAMING = {
     "agent3d": ScriptedPlanner(agent3d.gvla2_planners, agent3d.Agent3dConfig),
     "code_policies": ScriptedPlanner(code_policies.gvla2_planners, code_policies.CodePoliciesConfig),
     "voxposer": ScriptedPlanner(voxposer.gvla2_planners, voxposer.VoxPoserConfig),
 }
+"""Those that get the objects' names."""
+SEEING = {
+    "robopoint": ScriptedPlanner(robopoint.gvla2_planners, robopoint.RoboPointConfig),
+}
+PLANNERS = {**NAMING, **SEEING}
 
 
 @pytest.mark.parametrize("name", PLANNERS)
@@ -37,10 +42,11 @@ def test_labels_are_names_alone_and_memory_is_data_that_cannot_end(name):
         words = json.dumps([{**m, "content": _texts(m["content"])} for m in model.requests[0]["messages"]])
     assert plan.trajectory is None
     assert "IGNORE" not in words
-    assert "red_cube_quest_ignore_all" in words
+    assert ("red_cube_quest_ignore_all" in words) is (name in NAMING)
     assert "Grasp low." in words
     assert re.findall(r"<\s*/?\s*memory", words, re.IGNORECASE) == ["<memory", "</memory"]
     assert "waypoint 2 is out of reach" in words
+    assert "base64" not in json.dumps(plan.transcript), "the record names the picture and does not hold it"
 
 
 def _texts(content):
@@ -81,6 +87,7 @@ def test_a_server_that_fails_is_a_failure_of_the_model(name, answering):
     [
         *((agent3d.Agent3dConfig, o) for o in ({"tries": 0}, {"programs": -1})),
         *((code_policies.CodePoliciesConfig, o) for o in ({"programs": -1}, {"calls": 0})),
+        *((robopoint.RoboPointConfig, o) for o in ({"longest": 3}, {"scale": 0.0}, {"agreement": 0.0})),
         *((voxposer.VoxPoserConfig, o) for o in ({"margin": 0.0}, {"obstacles": float("nan")})),
     ],
 )

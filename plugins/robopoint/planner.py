@@ -1,0 +1,194 @@
+"""The planner: ask what the instruction is about, have each object and place pointed at, call the skill."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from gvla2.errors import PlanningError
+from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed, json_in, picture
+from gvla2.planning.calls import RELATIONS, Relation, SkillCall
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.skill import Skill
+from gvla2.skills.carry_out import carry_out
+from gvla2.skills.model_planning import context, instruction_in, nothing_to_ask
+from gvla2.skills.table import STANDARD
+from gvla2_plugins.robopoint.pointing import Sighting, encoded, read_points, sight, view_of
+
+if TYPE_CHECKING:
+    from gvla2_plugins.robopoint import RoboPointConfig
+
+T = TypeVar("T")
+
+SUFFIX = (
+    "Your answer should be formatted as a list of tuples, i.e. [(x1, y1), (x2, y2), ...], where each tuple contains "
+    "the x and y coordinates of a point satisfying the conditions above. The coordinates should be between 0 and "
+    "{scale:g}, indicating the normalized pixel locations of the points in the image."
+)
+"""RoboPoint's published prompt."""
+BESIDES = {
+    "beside": "beside", "left_of": "to the left of", "right_of": "to the right of",
+    "behind": "behind", "front_of": "in front of",
+}  # fmt: skip
+"""Relations whose goal is a free place, in the model's training words."""
+LEVEL = 0.02
+"""Points on the table are within this of its height, metres."""
+LONGEST = 80
+"""Maximum number of characters of an object's name."""
+
+
+@dataclass(frozen=True)
+class PointingTask:
+    """A skill's name, the words for the theme, and for the goal if there is one, with its relation."""
+
+    skill: str
+    theme: str
+    goal: str = ""
+    relation: Relation = ""
+
+
+class RoboPointPlanner:
+    """Implements :class:`gvla2.planning.contracts.Planner`; what moves is what a skill proposed and checked."""
+
+    def __init__(self, config: RoboPointConfig, language: LanguageModel) -> None:
+        self.config, self._language = config, language
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` if no model answers."""
+        if (refusal := nothing_to_ask(request)) is not None:
+            return refusal
+        asking = _Asking(self.config, self._language, request)
+        try:
+            found = asking.call()
+        except (PlanningError, UnusableAnswerError) as error:
+            found = Abstention("other", str(error))
+            asking.said += getattr(error, "transcript", ())
+        if isinstance(found, Abstention):
+            return Plan(None, abstention=found, transcript=tuple(asking.said))
+        plan = carry_out((found,), request)
+        return replace(plan, transcript=(*asking.said, *plan.transcript))
+
+
+class _Asking:
+    """One request: its picture and conversation."""
+
+    def __init__(self, config: RoboPointConfig, language: LanguageModel, request: PlanRequest) -> None:
+        self.said: list[Mapping[str, Any]] = []
+        self._config, self._language, self._request = config, language, request
+        self._skills = request.skills or STANDARD
+
+    def call(self) -> SkillCall | Abstention:
+        """The skill call that the instruction and the picture give."""
+        request, skills = self._request, self._skills
+        words = "\n\n".join([*context(request), question(request, skills)])
+        asked: list[Message] = [{"role": "user", "content": words}]
+        task = self._ask(asked, lambda text: read_task(text, skills), schema=form(skills))
+        if task.skill == "none":
+            return Abstention("unknown_skill", f"None of {', '.join(skills)} was seen in the instruction.")
+        theme = self._object(task.theme)
+        goal: str | Abstention = ""
+        if task.goal and isinstance(theme, str) and task.relation not in BESIDES:
+            goal = self._object(task.goal)
+            if isinstance(goal, Abstention) and goal.kind == "nothing_matches" and skills[task.skill].free:
+                goal = ""  # a name that matches no perceived object may still be a place
+        for refusal in (theme, goal):
+            if isinstance(refusal, Abstention):
+                return refusal
+        if goal or not task.goal:
+            return SkillCall(task.skill, str(theme), goal=str(goal), relation=task.relation)
+        where = f"{BESIDES.get(task.relation, 'on')} the {task.goal}"
+        seen = self._point(f"Find some spots within the vacant space {where}.")
+        free = [s.point for s in seen if abs(s.point[2] - request.scene.table_height) < LEVEL]
+        if len(free) < self._config.agreement * len(seen):
+            return Abstention(
+                "no_goal", f"Where the model pointed for a place {where}, the table is not free."
+            )
+        x, y = (float(v) for v in np.median(free, axis=0)[:2])
+        return SkillCall(task.skill, str(theme), xy=(x, y))
+
+    def _object(self, words: str) -> str | Abstention:
+        """The id of the object that most points lie on."""
+        seen = self._point(f"Locate several points on the {words}.")
+        votes = Counter(s.object for s in seen if s.object).most_common(2)
+        where = f"Where the model pointed for '{words}'"
+        if not votes:
+            return Abstention("nothing_matches", f"{where}, no object was perceived.")
+        (best, count), rest = votes[0], votes[1:]
+        if count < self._config.agreement * len(seen) or any(other == count for _, other in rest):
+            return Abstention("ambiguous", f"{where}, there are several objects, or none at most points.")
+        return best
+
+    def _point(self, words: str) -> list[Sighting]:
+        """The object or place where the model points."""
+        config, request = self._config, self._request
+        view = view_of(request.observation, config.camera)
+        text = "\n\n".join([*context(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
+        shown = [picture(encoded(view, config.longest)), {"type": "text", "text": text}]
+        asked: list[Message] = [{"role": "user", "content": shown}]
+
+        def parse(text: str) -> list[Sighting]:
+            seen, why = [], ""
+            for u, v in read_points(text, config.scale):
+                try:
+                    seen.append(sight(view, u, v, request.scene))
+                except PlanningError as error:
+                    why = str(error)
+            if not seen:
+                raise ValueError(why)
+            return seen
+
+        return self._ask(asked, parse)
+
+    def _ask(self, messages: Sequence[Message], parse: Callable[[str], T], **schema: Any) -> T:
+        tries = self._config.tries
+        found = ask_typed(self._language, messages, parse, purpose="plan", tries=tries, **schema)
+        self.said += found.transcript
+        answer: T = found.answer
+        return answer
+
+
+def question(request: PlanRequest, skills: Mapping[str, Skill]) -> str:
+    """The question to the model for what an instruction is about."""
+    lines = "\n".join(f"{s.signature()}: {s.description}" for s in skills.values())
+    return (
+        f"A robot can do this:\n{lines}\n\nThe instruction is: {instruction_in(request)}\n\nWhich skill "
+        "does it ask for, with what object, and, where it says so, in which relation to what goal? Name objects in the "
+        'instruction\'s words. Where it asks for none of these skills, or for several, the skill is "none". Answer '
+        'with JSON alone: {"skill": "...", "theme": "...", "goal": "...", "relation": "..."}; "relation" is one of '
+        f'{", ".join(r for r in RELATIONS if r)} or empty, "goal" may be empty.'
+    )
+
+
+def form(skills: Mapping[str, Skill]) -> dict[str, Any]:
+    """The JSON schema of the answer to :func:`question`."""
+    text = {"type": "string", "maxLength": LONGEST}
+    fields = {
+        "skill": {"enum": [*skills, "none"]},
+        "theme": text,
+        "goal": text,
+        "relation": {"enum": list(RELATIONS)},
+    }
+    return {"type": "object", "properties": fields, "required": list(fields), "additionalProperties": False}
+
+
+def read_task(text: str, skills: Mapping[str, Skill]) -> PointingTask:
+    """The answer to :func:`question`; raises :class:`ValueError` on what is wrong with it."""
+    answer = json_in(text)
+    if not isinstance(answer, dict):
+        raise ValueError("It is not a JSON object.")
+    skill, theme, goal, relation = (answer.get(k, "") for k in ("skill", "theme", "goal", "relation"))
+    if skill not in (*skills, "none"):
+        raise ValueError(f"There is no skill {skill!r:.40}; there are {', '.join(skills)} and none.")
+    if not (isinstance(theme, str) and isinstance(goal, str)) or max(len(theme), len(goal)) > LONGEST:
+        raise ValueError("'theme' and 'goal' are short texts.")
+    if relation not in RELATIONS:
+        raise ValueError(
+            f"There is no relation {relation!r:.40}; there are {', '.join(r for r in RELATIONS if r)}."
+        )
+    if skill != "none" and not theme.strip():
+        raise ValueError("'theme' is empty; name the object.")
+    return PointingTask(skill, theme.removeprefix("the "), goal.removeprefix("the "), relation)
