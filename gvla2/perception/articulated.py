@@ -14,6 +14,8 @@ STANDS_OUT = 0.01
 """Metres that a handle reaches beyond everything else of its whole, along the drawer's way."""
 BAR = 0.012
 """A drawer's handle is the outermost part of it, this thick, metres: posts that hold it are left out."""
+FACE, BROAD = 0.003, 0.03
+"""Thickness of a layer that is a drawer's front, metres, and the least share of its points in it."""
 KNOB = 0.12
 """A turning part with no longer side than this is a knob, metres; a longer one is a door."""
 THIN = 2e-3
@@ -59,7 +61,7 @@ def with_parts(whole: SceneObject, body: FloatArray, parts: Sequence[MovingPart]
     for number, part in enumerate(parts):
         handle = handle_points(part, body)
         # Without what stands out, or the boxes of drawers one above the other would hide each other's handles.
-        flush = part.points[part.points @ part.joint.axis < _front(part, body) + STANDS_OUT]
+        flush = part.points[part.points @ part.joint.axis <= _face(part, body)]
         obj = _part(f"{whole.id}.{number}", part.name, flush if len(handle) else part.points, turn, whole)
         obj = replace(obj, joint=part.joint, opening=_opening(part, turn))
         found.append(obj)
@@ -81,6 +83,19 @@ def handle_points(part: MovingPart, body: FloatArray) -> FloatArray:
     if outer < _front(part, body) + STANDS_OUT:
         return np.zeros((0, 3))
     return part.points[along > outer - BAR]
+
+
+def _face(part: MovingPart, body: FloatArray) -> float:
+    """Coordinate along a sliding part's way of its own front: the outermost layer, near that of its whole, with more in
+    it than a handle's posts.
+    """
+    along = part.points @ part.joint.axis
+    along = along[along < _front(part, body) + STANDS_OUT]
+    layers = along.max(initial=-np.inf) - FACE * np.arange(STANDS_OUT / FACE + 1)
+    broad = [
+        top for top in layers if ((along > top - FACE) & (along <= top)).sum() > BROAD * len(part.points)
+    ]
+    return float(broad[0] if broad else layers[0])
 
 
 def _front(part: MovingPart, body: FloatArray) -> float:

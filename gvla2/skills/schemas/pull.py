@@ -32,6 +32,8 @@ HOOKS = (0.4, 0.3, 0.2, 0.5, 0.7)
 """Downward tilts of a hand whose fingers hook behind a bar, radians."""
 OVER, FRONT_GAP = 0.0025, 0.001
 """Gaps of hooking fingers above the bar on their way in, and to the front behind it, metres."""
+PRESSED = 0.0025
+"""How far hooking fingers press onto the bar, metres: its height is only known to this."""
 LAG = 0.004
 """A motion that another body yields to goes on by this much, metres."""
 AT_END = 0.005
@@ -157,10 +159,10 @@ def _hook(job: Job, slide: Slide, at: FloatArray, width: float, closing: FloatAr
         path = Path(theta["speed"], theta["contact_speed"], pointing(closing, into), 0.0, tolerance=GIVE)
         path.go("approach", behind - into * (theta["standoff"] + hand.tip_beyond_tcp + max(0.0, beyond)))
         path.line("reach", behind, allowed=near, slow=True)
-        hooked = behind - UP * OVER / np.cos(lean)
+        hooked = behind - UP * (OVER + PRESSED) / np.cos(lean)
         path.line("hook", hooked, allowed=near, slow=True)
         path.line("pull", hooked + slide.out * (distance + LAG), allowed=near, slow=True)
-        path.line("unhook", path.end + UP * OVER - slide.out * LAG, allowed=near)
+        path.line("unhook", path.end + UP * (OVER + PRESSED) - slide.out * LAG, allowed=near)
         path.line("retreat", path.end - into * BACK, allowed=near)
         return path.trajectory()
 
