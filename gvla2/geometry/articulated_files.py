@@ -113,16 +113,21 @@ def _moving(name: str, joint: ET.Element, pose: FloatArray, path: Path) -> Movin
     length = float(np.linalg.norm(axis))
     if not length > 0:
         raise GeometryError(f"{path}: the axis of joint '{joint.get('name')}' is 0.")
-    low, high = (-np.pi, np.pi) if limit is None else (
-        float(_numbers(limit, bound, 1, path)[0]) for bound in ("lower", "upper")
-    )  # fmt: skip
+    low, high = -np.pi, np.pi
+    if joint.get("type") != "continuous":
+        if limit is None:
+            raise GeometryError(f"{path}: joint '{joint.get('name')}' has no <limit>.")
+        low, high = (
+            float(_numbers(limit, bound, 1, path)[0]) if limit.get(bound) else 0.0
+            for bound in ("lower", "upper")
+        )
     return MovingLink(
         name,
         MOVING[joint.get("type", "")],
         pose[:3, :3] @ axis / length,
         pose[:3, 3],
-        float(low),
-        float(high),
+        low,
+        high,
     )
 
 

@@ -199,7 +199,7 @@ def levelled(fit: Fit, seen: SeenPoints) -> Fit:
     rests: FloatArray = fit.scan.rests
     rest = rests[int(np.argmax(rests[:, 2] @ turn[2]))]
     axis = np.cross(turn[2], rest[2])  # in the scan's frame: from its present vertical to that of the rest
-    angle = float(np.arcsin(min(1.0, np.linalg.norm(axis))))
+    angle = float(np.arcsin(min(1.0, float(np.linalg.norm(axis)))))
     if turn[2] @ rest[2] < 0.0 or not 1e-3 < angle < LEANS:
         return fit
     upright = turn @ Rotation.from_rotvec(-axis / np.linalg.norm(axis) * angle).as_matrix()

@@ -7,12 +7,17 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_components
+from gvla2.episode.attempts import cameras_moved, hand_is_free
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.episode.planning import advice_for
+from gvla2.geometry.transform import rigid
+from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Prior
 from gvla2.planning.trajectory import Trajectory
+from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.testing import inputs
 from tests.quick import QUICK
 
 SMALL = (*QUICK, "robot.video_fps=2")
@@ -143,3 +148,21 @@ def test_what_was_diagnosed_binds_the_next_attempt(parts_of):
     assert any("attempt 1" in note for note in record.plan.notes)
     assert record.verdict.outcome == "verified_success"
     assert record.success_check.relaxed
+
+
+def test_only_a_camera_that_moved_with_an_empty_hand_sends_the_arm_home():
+    seen = inputs.observation(16)
+    first, *others = seen.views
+    for shift, moved in ((0.01, False), (0.05, True)):
+        camera = replace(
+            first.camera, world_from_camera=rigid(None, (shift, 0, 0)) @ first.camera.world_from_camera
+        )
+        after = replace(seen, views=Views((replace(first, camera=camera), *others)))
+        assert cameras_moved(seen, after) is moved
+    done = WaypointReport(0, "release", (0, 0, 0), (0, 0, 0), 0.0, 0.08, False)
+    assert hand_is_free(ExecutionReport((done,)))
+    assert hand_is_free(ExecutionReport((replace(done, abort="tracking"),)))
+    assert not hand_is_free(ExecutionReport())
+    assert not hand_is_free(ExecutionReport((replace(done, held=True),)))
+    for stop in ("not_started", "interrupted", "diverged", "expired"):
+        assert not hand_is_free(ExecutionReport((replace(done, abort=stop),)))

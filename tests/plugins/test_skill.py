@@ -16,6 +16,7 @@ from gvla2.planning.checks_motion import part_fits
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Ban, Bound, Prior
 from gvla2.planning.part_hierarchy import assembled, rise, way_out
+from gvla2.planning.relations import on_something_unseen
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
 from gvla2.testing.planning import check_planner
@@ -408,6 +409,36 @@ def test_sorting_is_one_trajectory_that_ends_in_the_bins():
     released = [np.array(w.xyz[:2]) for w in made.trajectory if w.stage == "release"]
     for place, goal in zip(released, (BINS[0], BINS[1], BINS[0]), strict=True):
         assert np.abs(place - goal.centre[:2]).max() < 0.05
+
+
+def test_the_hand_lets_go_in_a_container_no_wider_than_it_must():
+    widths = {}
+    for sentence, goal in (
+        ("put the red cube in the red bin", BINS[0]),
+        ("put the red cube on the tray", TRAY),
+    ):
+        made = plan(sentence, RED, goal)
+        first, last = (
+            next(w for w in made.trajectory if w.stage == name) for name in ("approach", "release")
+        )
+        widths[goal.id] = (first.gripper * HAND.max_width, last.gripper * HAND.max_width)
+    taken, let_go = widths["red_bin"]
+    assert 0.05 < let_go < 0.07
+    assert let_go < taken
+    assert widths["t"][1] == widths["t"][0]
+
+
+def test_what_stands_on_something_hidden_is_found_by_standing_above_the_table():
+    high = named("h", "red cube", "box", (0.4, 0.15, 0.2), (0.05,) * 3)
+    sentence = "pick up the red cube on the cabinet"
+    scene = asked(sentence, RED, high)[1].scene
+    assert [on_something_unseen(o, scene) for o in scene.objects] == [False, True]
+    assert plan(sentence, RED, high).roles["theme"] == "h"
+    carrier = named("s", "gray box", "box", (0.4, 0.15, 0.0875), (0.12, 0.12, 0.175))
+    assert refusal(plan(sentence, RED, high, carrier)) == "nothing_matches"  # it stands on what is seen
+    second = named("i", "red cube", "box", (0.3, -0.15, 0.2), (0.05,) * 3)
+    assert refusal(plan(sentence, RED, high, second)) == "nothing_matches"
+    assert refusal(plan("pick up the red cube in the cabinet", RED, high)) == "nothing_matches"
 
 
 # Memory, rejections, refusals
