@@ -23,13 +23,17 @@ MOVING = {"prismatic": True, "revolute": False, "continuous": False}
 
 @dataclass(frozen=True)
 class Visual:
-    """One shape of a link: ``file`` (None for a primitive), its vertices scaled, placed by ``object_from_shape``."""
+    """One shape of a link: ``file`` (None for a primitive), its vertices scaled, placed by ``object_from_shape``.
+
+    ``rgb`` (3,) in [0, 1] paints a primitive.
+    """
 
     element: ET.Element
     file: Path | None
     scale: FloatArray
     object_from_shape: FloatArray
     link: int
+    rgb: tuple[float, float, float] = (GREY, GREY, GREY)
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,10 @@ def read_articulated(path: str | os.PathLike[str]) -> ArticulatedFile:
         place(name)
     moving = [name for name in names if owners[name] == name and name]
     visuals = tuple(
-        _visual(visual, path, place(link.get("name", "")), moving, owners[link.get("name", "")])
+        replace(
+            _visual(visual, path, place(link.get("name", "")), moving, owners[link.get("name", "")]),
+            rgb=_paint(visual, robot, path),
+        )
         for link in robot.iterfind("link")
         for visual in link.iterfind("visual")
     )
@@ -148,6 +155,19 @@ def _visual(visual: ET.Element, path: Path, pose: FloatArray, moving: Sequence[s
     return Visual(shape, file, scale, pose @ _origin(visual, path), link)
 
 
+def _paint(visual: ET.Element, robot: ET.Element, path: Path) -> tuple[float, float, float]:
+    """The colour of a visual's material, its own or that of the robot's by its name; grey without one."""
+    material = visual.find("material")
+    if material is None:
+        return GREY, GREY, GREY
+    named = (each for each in robot.iterfind("material") if each.get("name") == material.get("name"))
+    colour = next((c for each in (material, *named) if (c := each.find("color")) is not None), None)
+    if colour is None:
+        return GREY, GREY, GREY
+    red, green, blue, _ = np.clip(_numbers(colour, "rgba", 4, path), 0.0, 1.0).tolist()
+    return red, green, blue
+
+
 def _mesh(path: Path, visual: Visual) -> TexturedMesh:
     shape = visual.element
     if visual.file is not None:
@@ -168,7 +188,7 @@ def _mesh(path: Path, visual: Visual) -> TexturedMesh:
         )
     faces = np.asarray(made.faces)
     mesh = TriangleMesh(transform_points(visual.object_from_shape, made.vertices), faces)
-    rgb = np.full((*faces.shape, 3), GREY, dtype=np.float32)
+    rgb = np.tile(np.array(visual.rgb, dtype=np.float32), (*faces.shape, 1))
     return TexturedMesh(mesh, np.zeros((*faces.shape, 2), np.float32), np.full(len(faces), -1), rgb, ())
 
 

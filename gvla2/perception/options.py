@@ -29,8 +29,8 @@ class VisionOptions(EndpointOptions):
 class NamingOptions:
     """Sources of names besides colour and shape.
 
-    ``gallery``: a folder of scans (.obj, .glb, .ply) of known objects, "" for none. ``read_crops``: whether the model
-    at ``vision`` reads crops of objects that the gallery does not know.
+    ``gallery``: a folder of scans (.obj, .glb, .ply; with joints .urdf) of known objects, "" for none.
+    ``read_crops``: whether the model at ``vision`` reads crops of objects that the gallery does not know.
     """
 
     gallery: str = ""

@@ -149,3 +149,16 @@ def test_a_part_opens_towards_its_farther_limit(value, low, high, way, position,
     made = joint_of(True, np.array([1.0, 0.0, 0.0]), np.zeros(3), value, low, high)
     assert made.axis[0] == way
     assert (made.position, made.reach) == (pytest.approx(position), pytest.approx(reach))
+
+
+def test_a_primitive_has_its_materials_colour_its_own_or_by_name(tmp_path):
+    file = tmp_path / "box.urdf"
+    box = '<geometry><box size="1 1 1"/></geometry>'
+    file.write_text(
+        '<robot name="r"><material name="red"><color rgba="1 0 0 1"/></material><link name="base">'
+        f'<visual>{box}<material name="red"/></visual>'
+        f'<visual>{box}<material name=""><color rgba="0 0.5 1 0.3"/></material></visual><visual>{box}</visual>'
+        "</link></robot>"
+    )
+    colours = [mesh.rgb[0, 0] for _, mesh in read_articulated(file).meshes()]
+    assert np.allclose(colours, [[1, 0, 0], [0, 0.5, 1], [0.7, 0.7, 0.7]])
