@@ -66,6 +66,7 @@ def test_options_that_cannot_be():
 
 
 def test_weights_that_are_absent_or_another_model(tmp_path):
+    pytest.importorskip("transformers")
     with pytest.raises(MissingDependencyError, match="facebook/sam3"):
         load_sam3("")
     (tmp_path / "config.json").write_text(json.dumps({"model_type": "bert"}))
