@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from gvla2.planning.scene import SIDES, Scene, SceneObject
+from gvla2.planning.scene import SIDES, TOUCHING, Scene, SceneObject
 
 CLOSE, BESIDE = 0.012, 0.25
 """Heights that differ less may touch; objects next to one another are no further apart, centre to centre; metres."""
@@ -47,7 +47,7 @@ def holds(obj: SceneObject, relation: str, mark: SceneObject, scene: Scene) -> b
         case "in":
             return obj.parent == mark.id or (_over(obj, mark) and obj.bottom < mark.top - CLOSE)
         case "from":
-            touches = bool((mark.distances(obj.corners()) == 0.0).any())
+            touches = bool((mark.distances(obj.corners()) <= TOUCHING).any())
             on = mark.joint is None and holds(obj, "on", mark, scene)  # what is above a drawer is not on it
             return touches or on or holds(obj, "in", mark, scene)
         case "beside":
