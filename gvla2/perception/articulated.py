@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.scene import Joint, SceneObject
+from gvla2.planning.scene import PartJoint, SceneObject
 
 STANDS_OUT = 0.01
 """Metres that a handle reaches beyond everything else of its whole, along the drawer's way."""
@@ -24,19 +24,19 @@ THIN = 2e-3
 
 def joint_of(
     slides: bool, axis: FloatArray, origin: FloatArray, value: float, low: float, high: float
-) -> Joint:
+) -> PartJoint:
     """A joint at ``value`` with limits, whose ``axis`` is that of increasing values: zero is closed if it is a limit's
     neighbour or inside, and the part opens towards the farther limit.
     """
     closed = float(np.clip(0.0, low, high))
     end = high if high - closed >= closed - low else low
     sign = 1.0 if end > closed else -1.0
-    return Joint(
+    return PartJoint(
         slides, sign * np.asarray(axis), np.asarray(origin), sign * (value - closed), abs(end - closed)
     )
 
 
-def part_noun(joint: Joint, points: FloatArray) -> str:
+def part_noun(joint: PartJoint, points: FloatArray) -> str:
     """What a moving part is called where its model has no word for it: drawer, door, or knob."""
     if joint.slides:
         return "drawer"
@@ -49,7 +49,7 @@ class MovingPart:
 
     name: str
     points: FloatArray
-    joint: Joint
+    joint: PartJoint
 
 
 def with_parts(whole: SceneObject, body: FloatArray, parts: Sequence[MovingPart]) -> list[SceneObject]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import correlate1d
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
@@ -63,6 +64,11 @@ class SeenPoints:
     def nearest(self) -> NearestPoints:
         """The nearest of its points."""
         return NearestPoints(self.points, TRUNCATED)
+
+
+Sighting = tuple[FloatArray, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], FloatArray]
+"""A camera's looks (H, W, 3); the indices (K,) of points that it has, their rows and columns, and how far behind each
+the measured depth is, metres."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +141,18 @@ def refined(scan: KnownScan, seen: SeenPoints, pose: FloatArray, fine: int = FIN
     return invert_rigid(scan_from_world)
 
 
+def sightings(points: FloatArray, normals: FloatArray, seen: SeenPoints) -> Iterator[Sighting]:
+    """Of a surface's points (M, 3) with unit normals, what each camera in turn has in its picture and facing it."""
+    for camera, depths, image in zip(seen.cameras, seen.depths, seen.images, strict=True):
+        towards = camera.position - points
+        facing = np.einsum("ij,ij->i", normals, towards) > 0.25 * np.linalg.norm(towards, axis=1)
+        uv, z = camera.project(points[facing])
+        inside = camera.inside(uv)
+        columns, rows = np.floor(uv[inside]).astype(int).T
+        before = depths[rows, columns] - z[inside]  # NaN compares false: unknown says nothing
+        yield image, np.flatnonzero(facing)[inside], rows, columns, before
+
+
 def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
     """How well a placed scan explains what all cameras measured."""
     points = seen.points[:: max(1, len(seen.points) // 700)]
@@ -147,18 +165,12 @@ def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
     some = slice(None, None, max(2, len(scan.points) // JUDGED))
     placed, turned = transform_points(pose, scan.points[some]), scan.normals[some] @ pose[:3, :3].T
     looks = scan.looks[some]
-    for camera, depths, image in zip(seen.cameras, seen.depths, seen.images, strict=True):
-        towards = camera.position - placed
-        facing = np.einsum("ij,ij->i", turned, towards) > 0.25 * np.linalg.norm(towards, axis=1)
-        uv, z = camera.project(placed[facing])
-        inside = camera.inside(uv)
-        columns, rows = np.floor(uv[inside]).astype(int).T
-        before = depths[rows, columns] - z[inside]  # NaN compares false: unknown says nothing
+    for image, index, rows, columns, before in sightings(placed, turned, seen):
         here = np.abs(before) < NEAR
         shown += int(here.sum())
         through += int((before > GAP).sum())
         if here.sum() >= 5:
-            difference = image[rows[here], columns[here]] - looks[facing][inside][here]
+            difference = image[rows[here], columns[here]] - looks[index[here]]
             difference[:, 2] -= np.median(difference[:, 2])  # each camera's exposure may be another
             differences.append(np.linalg.norm(difference, axis=1))
     colour = float(np.minimum(np.concatenate(differences), 60.0).mean()) if differences else 100.0

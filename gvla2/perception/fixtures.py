@@ -25,9 +25,10 @@ from gvla2.perception.fitting import (
     judged,
     refined,
     seen_surface,
+    sightings,
 )
 from gvla2.perception.scans import KnownScan
-from gvla2.planning.scene import Joint
+from gvla2.planning.scene import PartJoint
 
 CELL = 0.02
 """Side of a cell of the grid, metres."""
@@ -162,7 +163,7 @@ def upright(pose: FloatArray) -> FloatArray:
     return rigid(Rotation.from_euler("z", yaw).as_matrix(), pose[:3, 3])
 
 
-def motion_of(joint: Joint, by: float) -> FloatArray:
+def motion_of(joint: PartJoint, by: float) -> FloatArray:
     """(4, 4) the motion of a part by ``by`` metres or radians on its joint."""
     if joint.slides:
         return rigid(translation=by * joint.axis)
@@ -192,7 +193,10 @@ def opened(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> KnownScan:
         joint, step = in_world(link.joint, pose), link.joint.reach / (STEPS - 1)
 
         def score(
-            position: float, points: FloatArray = points, normals: FloatArray = normals, joint: Joint = joint
+            position: float,
+            points: FloatArray = points,
+            normals: FloatArray = normals,
+            joint: PartJoint = joint,
         ) -> float:
             motion = motion_of(joint, position - joint.position)
             shown, through = visible(transform_points(motion, points), normals @ motion[:3, :3].T, seen)
@@ -205,7 +209,7 @@ def opened(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> KnownScan:
     return scan
 
 
-def in_world(joint: Joint, pose: FloatArray) -> Joint:
+def in_world(joint: PartJoint, pose: FloatArray) -> PartJoint:
     """A scan's joint in the world, the scan placed by ``pose`` (4, 4)."""
     return replace(joint, axis=pose[:3, :3] @ joint.axis, origin=transform_points(pose, joint.origin))
 
@@ -213,13 +217,7 @@ def in_world(joint: Joint, pose: FloatArray) -> Joint:
 def visible(points: FloatArray, normals: FloatArray, seen: SeenPoints) -> tuple[int, int]:
     """How many of a surface's points (M, 3) with unit normals the cameras show, and how many they looked through."""
     shown = through = 0
-    for camera, depths in zip(seen.cameras, seen.depths, strict=True):
-        towards = camera.position - points
-        facing = np.einsum("ij,ij->i", normals, towards) > 0.25 * np.linalg.norm(towards, axis=1)
-        uv, z = camera.project(points[facing])
-        inside = camera.inside(uv)
-        columns, rows = np.floor(uv[inside]).astype(int).T
-        before = depths[rows, columns] - z[inside]  # NaN compares false: unknown says nothing
+    for *_, before in sightings(points, normals, seen):
         shown += int((np.abs(before) < NEAR).sum())
         through += int((before > GAP).sum())
     return shown, through

@@ -24,7 +24,7 @@ from gvla2.io.array_cache import cache_folder, cached_arrays
 from gvla2.perception.articulated import joint_of
 from gvla2.perception.nearest import NearestPoints
 from gvla2.planning.colours import appearance
-from gvla2.planning.scene import Joint
+from gvla2.planning.scene import PartJoint
 
 SUFFIXES = (".obj", ".glb", ".ply")
 POINTS, MOST_SAMPLES, SPACING = 3000, 12_000, 0.006
@@ -49,7 +49,7 @@ class KnownLink:
     """A moving part of a scan: its ``name``, and its joint in the scan's frame."""
 
     name: str
-    joint: Joint
+    joint: PartJoint
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ class KnownShape:
 
 
 @dataclass(frozen=True)
-class Joint:
+class PartJoint:
     """How a part moves on its whole, world frame: it ``slides`` along, or turns about, the unit vector ``axis`` (3,).
 
     ``origin`` (3,) is a point on the axis of a turn, metres. ``position`` is how far it has moved from where it is
@@ -110,7 +110,7 @@ class SceneObject:
     named_by: str = ""
     sureness: float = 1.0
     known: KnownShape | None = None
-    joint: Joint | None = None
+    joint: PartJoint | None = None
 
     @property
     def centre(self) -> FloatArray:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.part_hierarchy import holders, inside, is_handle, is_lid
-from gvla2.planning.scene import ROUND, Joint, Scene, SceneObject
+from gvla2.planning.scene import ROUND, PartJoint, Scene, SceneObject
 
 UP = np.array([0.0, 0.0, 1.0])
 LIP = 0.006
@@ -86,7 +86,7 @@ class Slide:
     front: SceneObject
     handle: SceneObject
     out: FloatArray
-    joint: Joint | None = None
+    joint: PartJoint | None = None
 
     @property
     def parts(self) -> frozenset[str]:
@@ -136,7 +136,7 @@ def slides(scene: Scene) -> list[Slide]:
     return found
 
 
-def _known_slide(front: SceneObject, joint: Joint, scene: Scene) -> Slide:
+def _known_slide(front: SceneObject, joint: PartJoint, scene: Scene) -> Slide:
     handle = next((part for part in scene.parts_of(front.id) if is_handle(part)), front)
     return Slide(scene.whole_of(front), front, handle, joint.axis, joint)
 

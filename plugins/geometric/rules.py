@@ -15,7 +15,7 @@ import numpy as np
 
 from gvla2.episode.evidence import difference
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.planning.scene import Joint, Scene, SceneObject
+from gvla2.planning.scene import PartJoint, Scene, SceneObject
 from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle, shines
 from gvla2_plugins.geometric.case import Case, InconclusiveError, Score, level_gap, outside_footprint
 
@@ -360,7 +360,7 @@ def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Score:
     return _travelled(theme, along, planned, SHARE_PUSHED * planned)
 
 
-def _turned(case: Case, knob: SceneObject, joint: Joint) -> Score:
+def _turned(case: Case, knob: SceneObject, joint: PartJoint) -> Score:
     """The knob turned by at least half of what was planned; round knobs show little of their turn."""
     later, planned = case.later(knob), case.evidence.plan.parameters.get("turn", 0.0)
     wanted = float(np.clip(planned, -joint.position, joint.reach - joint.position))

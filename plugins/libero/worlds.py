@@ -128,8 +128,7 @@ class LiberoWorld(EnvWorld):
             workspace=Box(np.array([*low, height]), np.array([*high, height + HEADROOM])),
             table_height=height,
             stiffness=config.stiffness,
-            max_steps=config.max_steps
-            or next((cap for name, cap in CAPS.items() if suite.startswith(name)), OTHER_CAP),
+            max_steps=config.max_steps or _cap(suite),
         )
 
     def begin(self, seed: int) -> None:

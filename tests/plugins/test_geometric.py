@@ -13,7 +13,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.findings import CheckReport, Finding
-from gvla2.planning.scene import Box, Joint, Scene, SceneObject
+from gvla2.planning.scene import Box, PartJoint, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.testing import check_component
@@ -338,7 +338,7 @@ def test_conformance() -> None:
 
 @pytest.mark.parametrize(("came", "outcome"), [(1.9, "verified_success"), (0.2, "uncertain")])
 def test_a_knob_that_stays_in_place_is_judged_by_its_joint(came, outcome):
-    joint = Joint(False, np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, 2.0)
+    joint = PartJoint(False, np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0, 2.0)
     knob = replace(obj("a", 0.3, 0.1), joint=joint)
     later = replace(knob, joint=replace(joint, position=came))
     shown = evidence(scene(knob), scene(later), "twist", {"theme": "a"}, PICK[:3], parameters={"turn": 2.0})

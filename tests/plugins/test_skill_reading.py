@@ -15,7 +15,7 @@ import pytest
 from gvla2.geometry.transform import rigid
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import Box, Joint, Scene, SceneObject
+from gvla2.planning.scene import Box, PartJoint, Scene, SceneObject
 from gvla2.skills.grounding import Meant, meant
 from gvla2.skills.multi_step import first_part
 from gvla2_plugins.skill.planner import read
@@ -134,8 +134,8 @@ def known(name, label, xy, size=(0.08, 0.08, 0.08), base=0.0, **more) -> SceneOb
     return scene_object(name, label, "box", xy, size, base, named_by="gallery", **{"colour": "", **more})
 
 
-def sliding(position: float) -> Joint:
-    return Joint(True, np.array([0.0, 1.0, 0.0]), np.zeros(3), position, 0.16)
+def sliding(position: float) -> PartJoint:
+    return PartJoint(True, np.array([0.0, 1.0, 0.0]), np.zeros(3), position, 0.16)
 
 
 def counter(drawn: float = 0.0) -> Scene:
@@ -145,8 +145,8 @@ def counter(drawn: float = 0.0) -> Scene:
               parent="cabinet", joint=sliding(out))
         for k, (place, out) in enumerate((("bottom", 0.0), ("middle", 0.0), ("top", drawn)))
     ]  # fmt: skip
-    turning = Joint(False, np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.5, 2.1)
-    door = Joint(False, np.array([0.0, 0.0, 1.0]), np.zeros(3), 1.5, 2.0)
+    turning = PartJoint(False, np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.5, 2.1)
+    door = PartJoint(False, np.array([0.0, 0.0, 1.0]), np.zeros(3), 1.5, 2.0)
     objects = (
         known("cabinet", "wooden cabinet", (0.0, -0.25), (0.25, 0.2, 0.22)),
         *drawers,

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.perception.articulated import MovingPart, with_parts
 from gvla2.planning.calls import SkillCall
-from gvla2.planning.scene import Joint, SceneObject
+from gvla2.planning.scene import PartJoint, SceneObject
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.mechanisms import slide_for
 from tests.skills.scenes import TABLE, at, cube, make_object, request, sound
@@ -30,7 +30,7 @@ def cabinet(ajar: str = "") -> tuple[SceneObject, ...]:
         front = grid((0.396, -0.11, z - 0.03), (0.40, 0.11, z + 0.03))
         bar = grid((0.362, -0.045, z - 0.008), (0.378, 0.045, z + 0.008))
         points = np.concatenate([front, bar]) - [opened, 0.0, 0.0]
-        joint = Joint(True, np.array([-1.0, 0.0, 0.0]), np.zeros(3), opened, REACH)
+        joint = PartJoint(True, np.array([-1.0, 0.0, 0.0]), np.zeros(3), opened, REACH)
         parts.append(MovingPart(f"{name} drawer", points, joint))
     whole = make_object("c", "box", (0.50, 0.0, 0.115), (0.2, 0.24, 0.23), points=body, label="cabinet")
     return tuple(with_parts(whole, body, parts))
@@ -43,7 +43,7 @@ def knob(position: float = 0.0) -> tuple[SceneObject, ...]:
     disc = np.column_stack([0.045 * np.cos(angles), 0.045 * np.sin(angles), np.full(60, 0.015)])
     points = np.concatenate([disc, grid((-0.04, -0.012, 0.015), (0.04, 0.012, 0.05))]) @ turn.T
     points += [0.35, -0.15, TABLE]
-    joint = Joint(False, np.array([0.0, 0.0, 1.0]), np.array([0.35, -0.15, TABLE]), position, 2.0)
+    joint = PartJoint(False, np.array([0.0, 0.0, 1.0]), np.array([0.35, -0.15, TABLE]), position, 2.0)
     whole = make_object("s", "box", (0.50, -0.15, 0.01), (0.19, 0.19, 0.02), label="stove")
     return tuple(
         with_parts(

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, box_corners, rigid, transform_points
 from gvla2.perception.articulated import THIN, MovingPart, joint_of, part_noun, with_parts
 from gvla2.planning.colours import nearest_colours
-from gvla2.planning.scene import Joint, Scene, SceneObject, Shape
+from gvla2.planning.scene import PartJoint, Scene, SceneObject, Shape
 from gvla2.robot.mujoco.description import mesh_of, robot_bodies
 from gvla2.robot.mujoco.world import World
 
@@ -70,7 +70,7 @@ def _part(world: World, body: int, whole: Sequence[str], points: FloatArray) -> 
     return MovingPart(part_label(world.model.body(body).name or "", whole, joint, points), points, joint)
 
 
-def model_joint(model: Any, data: Any, joint: int) -> Joint:
+def model_joint(model: Any, data: Any, joint: int) -> PartJoint:
     """A hinge or slide as it is now."""
     import mujoco
 
@@ -80,7 +80,7 @@ def model_joint(model: Any, data: Any, joint: int) -> Joint:
     return joint_of(slides, data.xaxis[joint], data.xanchor[joint], now, low, high)
 
 
-def part_label(body: str, whole: Sequence[str], joint: Joint, points: FloatArray) -> str:
+def part_label(body: str, whole: Sequence[str], joint: PartJoint, points: FloatArray) -> str:
     """What a moving body is called: its name's words that say where it is, and what it is."""
     places = [word for word in _words(body) if word in PLACES and word not in whole]
     return " ".join([*places, part_noun(joint, points)])

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import Joint
+from gvla2.planning.scene import PartJoint
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
 from gvla2.skills.grasps import FEWEST, grasps, spans
@@ -57,7 +57,7 @@ SHARES = (1.0, 0.75, 0.5)
 """Shares of a turn that are tried: a switch may need less than its whole way."""
 
 
-def _turned_knob(job: Job, joint: Joint) -> list[Proposal] | Abstention:
+def _turned_knob(job: Job, joint: PartJoint) -> list[Proposal] | Abstention:
     """Grasps across the narrowest parts of the knob's outer end, with the tool on its axis."""
     turn = float(np.clip(job.theta["turn"], -joint.position, joint.reach - joint.position))
     knob, hand = job.theme, job.hand
@@ -99,7 +99,7 @@ def _ways(angles: FloatArray) -> FloatArray:
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _turn(job: Job, joint: Joint, grasp: Grasp, turn: float) -> Proposal:
+def _turn(job: Job, joint: PartJoint, grasp: Grasp, turn: float) -> Proposal:
     """Grasp, turn about the axis in steps, let go."""
 
     def way() -> Trajectory:
