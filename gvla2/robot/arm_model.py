@@ -32,7 +32,9 @@ class ArmModel:
     ) -> None:
         self._home = np.array(home, dtype=np.float64)
         if self._home.shape != (kinematics.dof,) or kinematics.limit_distance(self._home) < 0:
-            raise RobotError(f"The home {self._home.tolist()} doesn't fit the {kinematics.dof} joints' limits.")
+            raise RobotError(
+                f"The home {self._home.tolist()} doesn't fit the {kinematics.dof} joints' limits."
+            )
         self.kinematics, self.collisions, self.hand, self.workspace = kinematics, collisions, hand, workspace
         self.ik = InverseKinematics(kinematics, self._home)
         self.dof, self.limits = kinematics.dof, (kinematics.low, kinematics.high)

@@ -160,7 +160,9 @@ def load_recording(path: Path) -> Recording:
         poses = []
         for index, pair in enumerate(body["pairs"]):
             where = f"{path}: pair {index}"
-            poses += [check_rigid(np.array(pair[name]), name) for name in ("base_from_tcp", "camera_from_target")]
+            poses += [
+                check_rigid(np.array(pair[name]), name) for name in ("base_from_tcp", "camera_from_target")
+            ]
     except (KeyError, TypeError, ValueError) as error:
         raise RobotError(
             f"{where} lacks or has a wrong {error}. A recording has intrinsics, serial and pairs of base_from_tcp and "
