@@ -18,7 +18,7 @@ class ArmModel:
     """Implements :class:`gvla2.planning.arm.Arm`, plus what motion planning needs. Not safe to share between threads.
 
     ``limits`` are the lower and upper joint limits (dof,), the margin taken off, and
-    ``velocity_limits`` the URDF's joint speeds, rad/s. Raises :class:`RobotError` when the home does not fit the limits.
+    ``velocity_limits`` the URDF's joint speeds, rad/s. Raises :class:`RobotError` for a home outside the limits.
     """
 
     def __init__(

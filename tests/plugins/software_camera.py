@@ -42,7 +42,8 @@ class SoftwareCamera:
     ``image`` (H, W, 3) uint8 and ``depth`` (H, W) uint16, in ``unit`` metres, may be changed at any time.
     ``colour_from_depth`` is where the depth sensor sits seen from the colour camera (metres; None for a device that
     does not say), and ``tilt`` its turn about y, radians. ``plugged`` is the device's connection state; ``sends`` are
-    the active streams; ``counting`` is whether frames get new numbers; ``other_size`` sends depth of half the requested size.
+    the active streams; ``counting`` is whether frames get new numbers; ``other_size`` sends depth of
+    half the requested size.
     """
 
     serial: str = "f0123"
