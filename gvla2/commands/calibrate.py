@@ -43,24 +43,16 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
         raise ConfigurationError(
             f"The recording is from camera '{recording.serial}', but serial={config.serial} was given."
         )
-    solution = solve(recording)
-    turns = np.degrees(solution.turns)
-    for number, (shift, turn) in enumerate(zip(solution.shifts, turns, strict=True)):
-        print(f"pair {number:<3} {1e3 * shift:8.3f} mm  {turn:8.4f} degrees")
-    print(f"RMSE     {1e3 * solution.rmse:8.3f} mm  {np.sqrt(np.mean(turns**2)):8.4f} degrees")
-    made = Calibration(
-        transform=solution.transform,
-        intrinsics=recording.intrinsics,
-        serial=recording.serial,
-        n=len(solution.shifts),
-        rmse=solution.rmse,
-        residuals=tuple(float(v) for v in solution.shifts),
-        mount=recording.mount,
-    )
+    transform, shifts, turns = solve(recording)
+    for number, (shift, turn) in enumerate(zip(1e3 * shifts, np.degrees(turns), strict=True)):
+        print(f"pair {number:<3} {shift:8.3f} mm  {turn:8.4f} degrees")
+    rmse = float(np.sqrt(np.mean(shifts**2)))
+    print(f"RMSE     {1e3 * rmse:8.3f} mm  {np.sqrt(np.mean(np.degrees(turns) ** 2)):8.4f} degrees")
+    made = Calibration(transform, recording.intrinsics, recording.serial, rmse, recording.mount)
     path = Path(config.out) if config.out else folder / "hand_eye.json"
     made.save(path)
     print(f"calibration: {path}")
-    return made.rmse
+    return rmse
 
 
 def main(argv: Sequence[str]) -> int:

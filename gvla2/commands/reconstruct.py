@@ -201,7 +201,7 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
 
     Raises :class:`ConfigurationError` without a folder, :class:`GeometryError` for files that cannot be used.
     """
-    from gvla2.geometry.view_folders import ARCHIVE, read_views, subject_of
+    from gvla2.geometry.view_folders import read_views, subject_of
 
     if not config.views:
         raise ConfigurationError(
@@ -210,7 +210,7 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
         )
     folder = Path(config.views).expanduser()
     views = _masked(read_views(folder, config.views_spec, config.size), folder)
-    name = config.object or subject_of(folder / ARCHIVE) or folder.resolve().name
+    name = config.object or subject_of(folder) or folder.resolve().name
     return Inputs(name, folder, views, _held_out(folder, config, views), _truth(config, views))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import TexturedMesh, TriangleMesh, bilinear
+from gvla2.geometry.mesh import TexturedMesh, TriangleMesh
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import barycentric, draw
 from gvla2.geometry.transform import FloatArray, look_along, transform_points
@@ -127,7 +127,7 @@ def textured_view(textured: TexturedMesh, camera: Camera, samples: int = 4) -> V
             np.column_stack([columns + 0.5, rows + 0.5, np.ones(len(rows))]) @ np.linalg.inv(K).T * distance
         )
         weights = barycentric(local, mesh.faces[faces], points)
-        sums[rows, columns, :3] += shades[faces, None] * _colours(textured, faces, weights)
+        sums[rows, columns, :3] += shades[faces, None] * textured.colours_at(faces, weights)
         sums[rows, columns, 3] += 1
     sums /= samples * samples
     alpha = sums[..., 3]
@@ -144,18 +144,6 @@ def _seen(
     hits = np.zeros(depth.shape, dtype=np.int64)
     draw(np.ascontiguousarray(local @ K.T), faces, 0, depth, hits)
     return depth, hits
-
-
-def _colours(textured: TexturedMesh, faces: NDArray[np.int64], weights: FloatArray) -> FloatArray:
-    """(N, 3) colours in [0, 1] at barycentric ``weights`` (N, 3) of faces (N,): the corners' times the texture's."""
-    colours: FloatArray = np.einsum("nk,nkc->nc", weights, textured.rgb[faces])
-    uv = np.einsum("nk,nkc->nc", weights, textured.uv[faces])
-    # Only what leaves [0, 1] repeats: at exactly 1 the image's own border is meant.
-    uv = np.where((uv < 0) | (uv > 1), uv - np.floor(uv), uv)
-    for number, image in enumerate(textured.images):
-        mine = textured.texture[faces] == number
-        colours[mine] *= bilinear(image, uv[mine]) / 255
-    return colours
 
 
 def _shades(mesh: TriangleMesh, camera: Camera) -> FloatArray:

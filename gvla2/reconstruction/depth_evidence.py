@@ -264,9 +264,8 @@ LEAST_COVERAGE = 0.05
 """Least share of the masks' pixels that must have depth."""
 GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
-OFF_SCALE, OFF_ALONE = 0.1, 1.0
-"""How far the factor between a prior's depth and the masks is from 1, up or down, where it is reported: several
-views, and one view alone, whose hull is deep."""
+OFF_SCALE = 0.1
+"""How far the factor between a prior's depth and the masks is from 1, up or down, where it is reported."""
 _THROUGH = 4.0
 """Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
 _DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5
@@ -315,7 +314,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         raise GeometryError("The prior's depth and the visual hull have no pixel in common.")
     depth = np.where(usable[:, None, None], depth * rough[:, None, None], np.nan)
     if usable.sum() < 2:
-        # A single view has nobody to disagree with, and its hull is as much a guess as its scale.
+        # A single depth map has nobody to disagree with.
         depth = depth / np.where(usable, rough, 1.0)[:, None, None]
         aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan))
         refuted = np.zeros(depth.shape, dtype=np.bool_)
@@ -335,7 +334,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         right = "how right its depth is cannot be judged from one"
     summary = f"{int(usable.sum())} of {len(views)} views used, {right}."
     scale = float(np.median(rough[usable]))
-    if max(scale, 1 / scale) - 1 > (OFF_SCALE if usable.sum() > 1 else OFF_ALONE):
+    if max(scale, 1 / scale) - 1 > OFF_SCALE:
         summary += f" The masks fit its depth times {scale:.3g}: is it in metres?"
     return DepthEvidence(
         believed, aligned.std, np.clip(weight / typical, 0.0, 1e3), np.nan_to_num(normals), summary

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.gaussians import write_gaussians
-from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.mesh_files import map_glb, read_mesh, write_mesh
+from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.views import Views
 from gvla2.io.files import write_bytes, write_json, write_text
 from gvla2.reconstruction.branch import BranchResult
@@ -217,24 +216,10 @@ class ReconstructionRecorder(FolderRecorder):
             write_gaussians(self.folder / PLY, made.gaussians)
         else:
             self.notes.append(f"The reconstruction has no Gaussians, so there is no {PLY}.")
-        if made.mesh is not None and not self._textured(made.mesh, made.glb):
+        if made.mesh is not None:
             write_mesh(self.folder / GLB, made.mesh)
-        elif made.mesh is None:
+        else:
             self.notes.append(f"The reconstruction has no mesh, so there is no {GLB}.")
-
-    def _textured(self, mesh: TriangleMesh, source: Path | None) -> bool:
-        """Write ``source`` with its vertices moved to the mesh's; False without one, or if the surface differs."""
-        if source is None:
-            return False
-        before = read_mesh(source)
-        if not np.array_equal(before.faces, mesh.faces):
-            self.notes.append(
-                f"The surface is a new one: {GLB} has colours, not the materials of {source.name}."
-            )
-            return False
-        nearest = cKDTree(before.vertices)
-        map_glb(source, self.folder / GLB, lambda points: mesh.vertices[nearest.query(points)[1]])
-        return True
 
     def numbers(self, record: ReconstructionRecord) -> None:
         """``result.json``."""

@@ -1,20 +1,18 @@
 """Hand-eye calibration: where a camera stands, from pairs of a hand's pose and a target's pose seen by the camera.
 
 A calibration is one JSON object: ``T_base_camera`` (4, 4) (or ``T_tcp_camera`` for a camera on the hand),
-``intrinsics`` (fx, fy, cx, cy, width, height), ``serial``, ``date``, ``n``, ``rmse`` (metres), ``residuals`` (metres
-per pair) and ``convention``.
+``intrinsics`` (fx, fy, cx, cy, width, height), ``serial``, ``rmse`` (metres) and ``convention``.
 
 Eye to hand (the target is held by the hand): ``tcp_from_target = inv(base_from_tcp) base_from_camera
 camera_from_target`` is the same for every pair. Eye in hand (the target lies on the table): the constant is
-``base_from_target = base_from_tcp tcp_from_camera camera_from_target``. OpenCV's closed form (Park and Martin
-1994) finds the unknown, refined by least squares over the unknown and the constant together.
+``base_from_target = base_from_tcp tcp_from_camera camera_from_target``. OpenCV's closed form (Park and Martin 1994)
+finds the unknown, refined by least squares of the pairs' deviations.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
@@ -55,13 +53,9 @@ class Intrinsics:
     height: int
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.K).all() or min(self.fx, self.fy, self.width, self.height) <= 0:
+        numbers = list(vars(self).values())
+        if not np.isfinite(numbers).all() or min(self.fx, self.fy, self.width, self.height) <= 0:
             raise ValueError(f"the intrinsics {vars(self)} are not those of a camera")
-
-    @property
-    def K(self) -> FloatArray:  # noqa: N802 - the field's own name
-        """(3, 3) matrix in pixels."""
-        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True)
@@ -74,11 +68,8 @@ class Calibration:
     transform: FloatArray
     intrinsics: Intrinsics
     serial: str
-    n: int
     rmse: float
-    residuals: tuple[float, ...] = ()
     mount: Mount = "eye_to_hand"
-    date: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
 
     def __post_init__(self) -> None:
         try:
@@ -101,13 +92,18 @@ class Calibration:
             if base_from_tcp is None:
                 raise RobotError(f"The camera '{self.serial}' is on the hand: it needs the hand's pose.")
             pose = base_from_tcp @ pose
-        return Camera(i.K, pose, i.width, i.height, name)
+        matrix = np.array([[i.fx, 0.0, i.cx], [0.0, i.fy, i.cy], [0.0, 0.0, 1.0]])
+        return Camera(matrix, pose, i.width, i.height, name)
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises :class:`OutputError`."""
-        body = {_KEYS[self.mount]: self.transform.tolist(), **vars(self), "convention": CONVENTION}
-        body |= {"intrinsics": vars(self.intrinsics), "residuals": list(self.residuals)}
-        del body["transform"], body["mount"]
+        body = {
+            _KEYS[self.mount]: self.transform.tolist(),
+            "intrinsics": vars(self.intrinsics),
+            "serial": self.serial,
+            "rmse": self.rmse,
+            "convention": CONVENTION,
+        }
         write_whole(path, (json.dumps(body, indent=2) + "\n").encode())
 
     @classmethod
@@ -122,26 +118,19 @@ class Calibration:
         try:
             if body["convention"] != CONVENTION:
                 raise ValueError(f"the convention {body['convention']!r} is not ours")
-            calibration = cls(
-                transform=np.array(body[_KEYS[mount]], dtype=np.float64),
-                intrinsics=Intrinsics(**body["intrinsics"]),
-                serial=str(body["serial"]),
-                n=int(body["n"]),
-                rmse=float(body["rmse"]),
-                residuals=tuple(float(v) for v in body["residuals"]),
-                mount=mount,
-                date=str(body["date"]),
-            )
+            transform = np.array(body[_KEYS[mount]], dtype=np.float64)
+            intrinsics = Intrinsics(**body["intrinsics"])
+            made = cls(transform, intrinsics, str(body["serial"]), float(body["rmse"]), mount)
         except (KeyError, TypeError, ValueError) as error:
             raise RobotError(
                 f"The calibration {path} lacks or has a wrong {error}. Calibrate again."
             ) from error
-        if serial and calibration.serial != serial:
+        if serial and made.serial != serial:
             raise RobotError(
-                f"The calibration {path} is for camera '{calibration.serial}', but the camera in use is '{serial}'. "
+                f"The calibration {path} is for camera '{made.serial}', but the camera in use is '{serial}'. "
                 "Calibrate this one, or plug in the other."
             )
-        return calibration
+        return made
 
 
 @dataclass(frozen=True)
@@ -162,25 +151,24 @@ def load_recording(path: Path) -> Recording:
 
     Raises :class:`RobotError` that names the file and the pair.
     """
-    body = _read(path)
-    mount = body.get("mount", "eye_to_hand")
-    if mount not in _KEYS:
-        raise RobotError(f"{path}: mount is {mount!r}; it is one of {', '.join(_KEYS)}.")
-    where = str(path)
+    body, where = _read(path), str(path)
     try:
+        mount: Mount = body.get("mount", "eye_to_hand")
+        if mount not in _KEYS:
+            raise ValueError(f"mount {mount!r}; it is one of {', '.join(_KEYS)}")
         intrinsics, serial = Intrinsics(**body["intrinsics"]), str(body["serial"])
-        poses: dict[str, list[FloatArray]] = {"base_from_tcp": [], "camera_from_target": []}
+        poses = []
         for index, pair in enumerate(body["pairs"]):
             where = f"{path}: pair {index}"
-            for name, some in poses.items():
-                some.append(check_rigid(np.array(pair[name]), name))
+            poses += [
+                check_rigid(np.array(pair[name]), name) for name in ("base_from_tcp", "camera_from_target")
+            ]
     except (KeyError, TypeError, ValueError) as error:
         raise RobotError(
             f"{where} lacks or has a wrong {error}. A recording has intrinsics, serial and pairs of base_from_tcp and "
             "camera_from_target, matrices (4, 4)."
         ) from error
-    hands, targets = (np.array(some).reshape(-1, 4, 4) for some in poses.values())
-    return Recording(hands, targets, intrinsics, serial, mount)
+    return Recording(*np.array(poses).reshape(-1, 2, 4, 4).swapaxes(0, 1), intrinsics, serial, mount)
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -193,51 +181,42 @@ def _read(path: Path) -> dict[str, Any]:
     return body
 
 
-@dataclass(frozen=True)
-class Solution:
-    """``transform`` (4, 4) is base_from_camera, or tcp_from_camera for an eye in the hand.
+def solve(recording: Recording) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The transform (4, 4) of :class:`Calibration`, and each pair's deviations from the mean constant: shifts (N,)
+    in metres, turns (N,) in radians.
 
-    ``shifts`` (N,) metres and ``turns`` (N,) radians are each pair's deviations from the mean constant; ``rmse`` is the
-    root mean square of the shifts, metres.
+    Raises :class:`RobotError` for too few pairs, and for poses that are too similar.
     """
+    import cv2
 
-    transform: FloatArray
-    shifts: FloatArray
-    turns: FloatArray
-
-    @property
-    def rmse(self) -> float:
-        """Metres."""
-        return float(np.sqrt(np.mean(self.shifts**2)))
-
-
-def solve(recording: Recording) -> Solution:
-    """Where the camera stands; raises :class:`RobotError` for too few pairs, and for poses that are too similar."""
     hands, targets = recording.base_from_tcp, recording.camera_from_target
     if len(hands) < FEWEST_PAIRS:
         raise RobotError(f"Hand-eye calibration needs at least {FEWEST_PAIRS} pose pairs, got {len(hands)}.")
-    _check_variety(hands, "hand")
-    _check_variety(targets, "target, as the camera sees it,")
+    for poses, what in ((hands, "hand"), (targets, "target, as the camera sees it,")):
+        _check_variety(poses, what)
     if recording.mount == "eye_to_hand":  # an eye in a hand that moves the other way round
         hands = np.array([invert_rigid(hand) for hand in hands])
-    transform = _refined(_closed_form(hands, targets), hands, targets)
-    constants = hands @ transform @ targets
-    mean = _mean(constants)
-    turns = Rotation.from_matrix(mean[:3, :3].T @ constants[:, :3, :3]).magnitude()
-    return Solution(transform, np.linalg.norm(constants[:, :3, 3] - mean[:3, 3], axis=1), np.asarray(turns))
-
-
-def _closed_form(hands: FloatArray, targets: FloatArray) -> FloatArray:
-    """The unknown (4, 4) with ``hand unknown target`` constant."""
-    import cv2
-
-    rotation, shift = cv2.calibrateHandEye(
-        list(hands[:, :3, :3]), list(hands[:, :3, 3]), list(targets[:, :3, :3]), list(targets[:, :3, 3]),
-        method=cv2.CALIB_HAND_EYE_PARK,
-    )  # fmt: skip
+    pairs = (list(poses[:, :3, part]) for poses in (hands, targets) for part in (slice(3), 3))
+    rotation, shift = cv2.calibrateHandEye(*pairs, method=cv2.CALIB_HAND_EYE_PARK)
     if not np.isfinite(rotation).all():
         raise RobotError("No transform was found: are the poses of hand and target of the same moments?")
-    return rigid(rotation, np.ravel(shift))
+    start = rigid(rotation, np.ravel(shift))
+
+    def moved(x: FloatArray) -> FloatArray:
+        return start @ rigid(Rotation.from_rotvec(x[:3]).as_matrix(), x[3:])
+
+    def weighted(x: FloatArray) -> FloatArray:
+        return (_deviations(hands @ moved(x) @ targets) * ([1.0] * 3 + [_LEVER] * 3)).ravel()
+
+    transform = moved(least_squares(weighted, np.zeros(6), method="lm").x)
+    off = _deviations(hands @ transform @ targets)
+    return transform, np.linalg.norm(off[:, :3], axis=1), np.linalg.norm(off[:, 3:], axis=1)
+
+
+def _deviations(poses: FloatArray) -> FloatArray:
+    """(N, 6) shifts in metres and turns in radians of poses (N, 4, 4) from their mean."""
+    turns, shifts = Rotation.from_matrix(poses[:, :3, :3]), poses[:, :3, 3]
+    return np.hstack([shifts - shifts.mean(axis=0), (turns.mean().inv() * turns).as_rotvec()])
 
 
 def _check_variety(poses: FloatArray, what: str) -> None:
@@ -251,23 +230,3 @@ def _check_variety(poses: FloatArray, what: str) -> None:
             f"The {what} was turned by {np.degrees(spread[1]):.1f} degrees about its second axis; turn it by 15 "
             "or more about two axes between the pictures, and calibrate again."
         )
-
-
-def _refined(start: FloatArray, hands: FloatArray, targets: FloatArray) -> FloatArray:
-    """Least squares over the unknown and the constant, shifts in metres, turns at a lever of 0.3 m."""
-    first = _mean(hands @ start @ targets)
-
-    def moved(pose: FloatArray, x: FloatArray) -> FloatArray:
-        return pose @ rigid(Rotation.from_rotvec(x[:3]).as_matrix(), x[3:])
-
-    def residuals(x: FloatArray) -> FloatArray:
-        error = invert_rigid(moved(first, x[6:])) @ hands @ moved(start, x[:6]) @ targets
-        turns = Rotation.from_matrix(error[:, :3, :3]).as_rotvec()
-        return np.concatenate([error[:, :3, 3], _LEVER * turns]).ravel()
-
-    return moved(start, least_squares(residuals, np.zeros(12), method="lm").x[:6])
-
-
-def _mean(poses: FloatArray) -> FloatArray:
-    rotation = Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix()
-    return rigid(rotation, poses[:, :3, 3].mean(axis=0))

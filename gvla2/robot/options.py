@@ -57,12 +57,10 @@ class DepthNoise:
 class TaskConfig(ComponentConfig):
     """Base of a task's configuration: a task whose options extend it can be cluttered (:mod:`gvla2.robot.clutter`).
 
-    ``distractors`` objects lie beside what the task needs. They are simple shapes, or meshes of the folder
-    ``distractors_root``.
+    ``distractors`` simple shapes lie beside what the task needs.
     """
 
     distractors: int = 0
-    distractors_root: str = ""
 
 
 @dataclass

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.candidates import SECONDS_PER_DAY, Candidates, HeldRecord
+from gvla2.memory.candidates import Candidates, HeldRecord
 from gvla2.memory.contracts import (
     Embedder,
     Evidence,
@@ -30,7 +30,7 @@ from gvla2.memory.contracts import (
     Verifier,
 )
 from gvla2.memory.embedding import StaticEmbedder
-from gvla2.memory.records import TYPES, Record, dump
+from gvla2.memory.records import SECONDS_PER_DAY, TYPES, Record, dump
 from gvla2.planning.effects import Bound
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (

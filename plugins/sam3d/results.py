@@ -51,7 +51,7 @@ def read_result(folder: Path, stem: str = "result") -> tuple[Reconstruction, Sim
         present = ", ".join(sorted(p.name for p in folder.iterdir())[:8])
         raise GeometryError(f"{folder} has no {glb.name}. It holds: {present or 'nothing'}.")
     gaussians = read_gaussians(ply) if ply.is_file() else None
-    return Reconstruction(gaussians, read_mesh(glb), glb=glb), _read_pose(folder / "params.npz")
+    return Reconstruction(gaussians, read_mesh(glb)), _read_pose(folder / "params.npz")
 
 
 def _read_pose(path: Path) -> Sim3 | None:
@@ -94,14 +94,11 @@ def align_result(result: Reconstruction, pose: Sim3 | None, views: Views, count:
     if iou < _POOR:
         notes.append(f"the silhouettes fit poorly, mean IoU {iou:.2f}")
     status = f"fallback: {'; '.join(notes)}" if notes else "ok"
-    return Reconstruction(place_gaussians(gaussians, sim3), place_mesh(mesh, sim3), status, result.glb)
+    return Reconstruction(place_gaussians(gaussians, sim3), place_mesh(mesh, sim3), status)
 
 
 def place_gaussians(gaussians: Gaussians, sim3: Sim3) -> Gaussians:
-    """Gaussians in the similarity's target frame, with their scales and rotations.
-
-    Harmonics that depend on the direction of view are dropped; the Gaussians of these programs have none.
-    """
+    """Gaussians in the similarity's target frame, with their scales and rotations."""
     own = Rotation.from_quat(gaussians.rotations, scalar_first=True)
     turned = (Rotation.from_matrix(sim3.rotation) * own).as_quat(scalar_first=True)
     return replace(
@@ -109,7 +106,6 @@ def place_gaussians(gaussians: Gaussians, sim3: Sim3) -> Gaussians:
         centres=sim3.apply(gaussians.centres).astype(np.float32),
         log_scales=gaussians.log_scales + np.float32(np.log(sim3.scale)),
         rotations=turned.astype(np.float32),
-        sh_rest=None,
     )
 
 

@@ -114,10 +114,11 @@ class TabletopTask(ABC, Generic[C]):
     """
 
     name: ClassVar[str]
+    largest_scale: ClassVar[float] = 1.2
     instructions: tuple[str, ...]
 
     def __init__(self, config: C) -> None:
-        self.config, self.scale = config, config.factor(self.name)
+        self.config, self.scale = config, config.factor(self.name, self.largest_scale)
         self.check(config)
 
     def check(self, config: C) -> None:

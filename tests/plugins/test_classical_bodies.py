@@ -13,8 +13,7 @@ from gvla2.geometry.views import Views
 from gvla2.perception.registration import agreed
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
-from gvla2_plugins.connected import ConnectedConfig, gvla2_perceivers
-from gvla2_plugins.connected.perceiver import ConnectedPerceiver
+from gvla2_plugins.connected import ConnectedConfig, ConnectedPerceiver, gvla2_perceivers
 from tests.benchmarks import perception as bench
 
 WORKSPACE, TABLE_TOP = bench.WORKSPACE, bench.TABLE_TOP

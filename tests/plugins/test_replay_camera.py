@@ -22,7 +22,7 @@ POSE = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.1, 0.2, 0.3))
 def calibrated(folder, transform=POSE, size=SIZE, mount="eye_to_hand", K=None, **more):
     fx, fy, cx, cy = (60.0, 60.0, size[0] / 2, size[1] / 2) if K is None else K[(0, 1, 0, 1), (0, 1, 2, 2)]
     intrinsics = Intrinsics(float(fx), float(fy), float(cx), float(cy), *size)
-    Calibration(transform, intrinsics, "f0123", 12, 0.001, mount=mount).save(folder / "camera.json")
+    Calibration(transform, intrinsics, "f0123", 0.001, mount=mount).save(folder / "camera.json")
     if more:
         file = folder / "camera.json"
         file.write_text(json.dumps(json.loads(file.read_text()) | more))

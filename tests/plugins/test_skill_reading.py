@@ -320,7 +320,6 @@ def seen(task: str, colour: str, other: str, target: str) -> Scene:
         "lamp_on": [lamp, button], "put_knife": knives, "play_jenga": tower, "take_umbrella": umbrella,
         "insert_block": [ring, *posts], "sort_mustard": groceries, "open_drawer": [drawer, cabinet, handle],
         "pickup_cup": cups,
-        "move_spray_bottle": [scene_object("a", f"{colour} bottle", "box", (0.3, 0.1)), square],
         "sort_object": [*bins, *cubes],
     }  # fmt: skip
     return scene(*objects[task])
@@ -330,7 +329,7 @@ SKILLS = {
     "put_block": "place", "push_block": "push", "play_jenga": "draw", "open_jar": "twist", "close_box": "close",
     "open_box": "open", "pickup_cup": "pick", "take_umbrella": "pick", "sort_mustard": "place", "open_wine": "twist",
     "lamp_on": "press", "put_knife": "place", "pick_and_lift": "pick", "insert_block": "insert",
-    "move_spray_bottle": "place", "open_drawer": "pull", "sort_object": "place",
+    "open_drawer": "pull", "sort_object": "place",
 }  # fmt: skip
 
 

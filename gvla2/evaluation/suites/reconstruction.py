@@ -40,7 +40,6 @@ LAYOUT = TableLayout(
     row="variant",
     labels={
         "baseline": "G0 (baseline, no prior)",
-        "carving": "carving with the same prior",
         "a_prior_appearance": "A: prior + appearance",
         "a_soft_hull": "A: + soft hull",
         "b_axis": "B: axis only (no prior)",
