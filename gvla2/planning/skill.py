@@ -12,8 +12,8 @@ from gvla2.planning.calls import GraspOptions, SkillOptions
 if TYPE_CHECKING:  # `gvla2 plugins` lists skills without numpy
     from gvla2.geometry.transform import FloatArray
     from gvla2.planning.arm import Hand
-    from gvla2.planning.contracts import Abstention, Plan
     from gvla2.planning.effects import Bound, Effect
+    from gvla2.planning.plan import Abstention, Plan
     from gvla2.planning.scene import Box, Scene, SceneObject
     from gvla2.planning.trajectory import Trajectory, Waypoint
 
