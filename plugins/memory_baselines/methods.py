@@ -34,7 +34,7 @@ from gvla2.memory.contracts import (
 from gvla2.memory.induction import MOST_ACTS, acts_of
 from gvla2.memory.late import LateMemory
 from gvla2.memory.records import Record, clean, dump
-from gvla2.memory.rendering import CLOSING, OPENING, effect_words, neutralised, render
+from gvla2.memory.rendering import CLOSING, OPENING, effect_words, item_of, neutralised, render
 from gvla2.memory.store import Store
 from gvla2_plugins.memory_baselines import VectorStoreConfig
 
@@ -114,7 +114,11 @@ class WholeMethod(ABC):
     def recall(self, task: MemoryTask) -> MemoryContext:
         """The most similar entries; an empty context that says why when there are none."""
         nearest = self.nearest(task.query, self._config.top_k)
-        found = [[_item(record, cosine) for record in entry] for entry, cosine in nearest if cosine > 0]
+        found = [
+            [item_of(record, cosine, {"similarity": cosine}) for record in entry]
+            for entry, cosine in nearest
+            if cosine > 0
+        ]
         if not found:
             return MemoryContext(abstained=f"The bank '{self._config.bank}' has nothing similar.")
         return MemoryContext(tuple(item for items in found for item in items), self.show(found))
@@ -189,19 +193,6 @@ class WholeMethod(ABC):
 
 def _digest(text: str) -> str:
     return hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
-
-
-def _item(record: Record, similarity: float) -> MemoryItem:
-    return MemoryItem(
-        id=record.id,
-        type=record.type,
-        content=record.content,
-        confidence=record.confidence,
-        score=similarity,
-        terms={"similarity": similarity},
-        binding=record.type == "failure_avoidance",
-        effect=record.effect_json(),
-    )
 
 
 class Semantic(WholeMethod):
@@ -280,7 +271,7 @@ class Strategies(WholeMethod):
         lessons = usable[:MOST_ITEMS] or _from_transcript(episode, failed=failed)
         if not lessons:
             return [], "The episode has neither lessons nor a transcript."
-        items = tuple(Lesson(lesson.type, item_of(lesson.content), lesson.effect) for lesson in lessons)
+        items = tuple(Lesson(lesson.type, titled(lesson.content), lesson.effect) for lesson in lessons)
         return [Draft(items)], ""
 
     def show(self, entries: Sequence[Sequence[MemoryItem]]) -> str:
@@ -288,7 +279,7 @@ class Strategies(WholeMethod):
         return super().show([[item] for items in entries for item in items])
 
 
-def item_of(content: str) -> str:
+def titled(content: str) -> str:
     """A lesson as an item: title (what it is about), description (its first sentence) and content, a line each.
 
     Repetitions of the line above are left out.
