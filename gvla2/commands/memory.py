@@ -87,15 +87,14 @@ class MemoryRequest:
         Raises :class:`MemoryStoreError` for a database that is absent, locked or corrupt, :class:`NotFoundError` for a
         missing bank.
         """
-        from gvla2.memory.store import Store, wrong_bank_name
+        from gvla2.memory.store import Store, check_bank
 
         path = Path(self.url.partition(":///")[2].partition("?")[0])
         if not create and self.url.startswith("sqlite") and not os.path.exists(path):  # noqa: PTH110  # too long names
             raise MemoryStoreError(
                 f"There is no memory at {path} yet: `gvla2 run` and `gvla2 memory import` make one; url= names another."
             )
-        if wrong := wrong_bank_name(self.config.bank):
-            raise ConfigurationError(wrong)
+        check_bank(self.config.bank)
         with Store.open(self.url, busy_seconds=self.config.busy_seconds, create=create) as store:
             banks = store.banks()
             if self.config.bank not in banks and not create:
@@ -169,9 +168,9 @@ def show(request: MemoryRequest) -> Answer:
     for link in links:
         forward = link.source == record.id
         rows.append(("link", f"{link.kind} {link.target}" if forward else f"{link.kind} of {link.source}"))
-    changes = [_columns(event, "scores", "change") | {"erased": event.erased} for event in events]
+    changes = [_parsed(event._mapping, "scores", "change") | {"erased": not event.salt} for event in events]
     return Answer(
-        {"record": _columns(record), "links": links, "events": changes},
+        {"record": _columns(record), "links": [link._asdict() for link in links], "events": changes},
         [_table(("field", "value"), rows), _events_table(changes)],
     )
 
@@ -244,9 +243,10 @@ def export(request: MemoryRequest) -> Answer:
     """Write the bank as a file of JSON lines that import reads."""
     from gvla2.memory.transfer import export_jsonl
 
+    path = Path(request.words[0]).expanduser()
     with request.store() as store:
-        done = export_jsonl(store, request.config.bank, Path(request.words[0]).expanduser())
-    return Answer(done, [f"{count(done.records, 'record')}: {done.file}."])
+        records = export_jsonl(store, request.config.bank, path)
+    return Answer({"file": path, "records": records}, [f"{count(records, 'record')}: {path}."])
 
 
 def forget(request: MemoryRequest) -> Answer:
@@ -376,10 +376,15 @@ def _events_table(events: Sequence[Mapping[str, Any]]) -> Table:
     return _table(("event", "time", "who", "action", "why"), rows)
 
 
-def _columns(row: Any, *names: str) -> dict[str, Any]:
-    """A record's or event's fields with JSON columns parsed; a damaged one stays text."""
-    data: dict[str, Any] = {f.name: getattr(row, f.name) for f in dataclasses.fields(row)}
-    for name in names or ("verifier", "signature", "effect", "provenance"):
+def _columns(record: Record) -> dict[str, Any]:
+    """A record's fields with JSON columns parsed."""
+    return _parsed(dataclasses.asdict(record), "verifier", "signature", "effect", "provenance")
+
+
+def _parsed(columns: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    """The columns, those of these names as the JSON that they hold; a damaged one stays text."""
+    data = dict(columns)
+    for name in names:
         with suppress(ValueError):
             data[name] = json.loads(data[name]) if data[name] else None
     return data

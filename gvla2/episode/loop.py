@@ -45,7 +45,7 @@ from gvla2.errors import (
 )
 from gvla2.geometry.exchange import read_only
 from gvla2.geometry.views import Observation
-from gvla2.memory.asking import answer_of, verdict_of
+from gvla2.memory.admission import answer_of, verdict_of
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verifier
 from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import Perceiver, Planner

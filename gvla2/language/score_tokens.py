@@ -46,6 +46,12 @@ def phi(letter: str) -> float:
     return (len(LETTERS) - 1 - LETTERS.index(letter)) / (len(LETTERS) - 1)
 
 
+def reason_of(text: str) -> str:
+    """What an answer says before its last tag; all of it without one."""
+    tag = text.lower().rfind("<score>")
+    return text[:tag] if tag >= 0 else text
+
+
 def score_answer(text: str, tokens: Sequence[Token] = ()) -> TokenScore:
     """The score in an answer's last tag; ``tokens`` as :class:`gvla2.language.Completion` has them."""
     tags = list(_TAG.finditer(text))

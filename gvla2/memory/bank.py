@@ -2,8 +2,8 @@
 
 A bank lives in a database (:mod:`gvla2.memory.store`), which is the truth; an index in RAM follows it
 (:mod:`gvla2.memory.index`) and is ranked for each recall (:mod:`gvla2.memory.retrieval`). What an episode teaches is
-admitted, merged, held back or discarded (:mod:`gvla2.memory.learning`), governed (:mod:`gvla2.memory.governance`) and,
-where it is doubtful, verified again (:mod:`gvla2.memory.replay`).
+admitted, merged, held back or discarded, and governed (:mod:`gvla2.memory.learning`), and, where it is doubtful, judged
+again (:mod:`gvla2.memory.review`).
 """
 
 from __future__ import annotations
@@ -38,23 +38,21 @@ from gvla2.memory.contracts import (
 )
 from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.index import Index
-from gvla2.memory.ledger import OpenBank
+from gvla2.memory.learning import JudgedEpisode, OpenBank, admit, learn
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import MAX_QUERY, LifecycleState, Record, clean, finite
 from gvla2.memory.rendering import item_of, render
 from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
 from gvla2.memory.store import Store, resolved_address
+from gvla2.memory.view import Problem, audit
 
-if TYPE_CHECKING:  # a recall does not wait for the modules that decide
-    from gvla2.memory.audit import Problem
-    from gvla2.memory.contradiction import Judged
-    from gvla2.memory.replay import Replayed
+if TYPE_CHECKING:  # a recall does not wait for the modules that judge again
+    from gvla2.memory.review import Judged, Replayed
     from gvla2.memory.transfer import Imported
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
-JUDGED = 16
-"""Maximum number of pairs of lessons that a judge decides after each episode."""
-FROZEN = "The bank is frozen: nothing was learned."
+JUDGED, REPLAYED = 16, 1
+"""Maximum number of pairs of lessons that a judge decides after each episode, and of episodes verified again."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +71,8 @@ class KnowledgeBank(OpenBank, Closing):
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or an open store, which is closed with
     the bank; "" is the user's own memory. It is created if missing. By default it ranks by words, vectors, quality and
     geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given.
-    ``verifier`` judges stored episodes again, ``judge`` decides
-    whether similar lessons in words contradict each other; ``clock`` gives seconds since the epoch. Waits for other
-    processes at most ``busy_seconds`` at a time.
+    ``verifier`` judges stored episodes again, ``judge`` decides whether similar lessons in words contradict each other;
+    ``clock`` gives seconds since the epoch. Waits for other processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers it
     as a memory turns that into a degraded answer. Invalid options raise :class:`~gvla2.errors.ConfigurationError`.
@@ -139,8 +136,6 @@ class KnowledgeBank(OpenBank, Closing):
         id of the run. Then, if a judge was given, it compares the new lessons with those near them, and if a verifier
         was given, one doubtful earlier episode is verified again.
         """
-        from gvla2.memory import learning
-
         if not isinstance(episode, MemoryEpisode):
             given = tuple(map(_lesson, lessons))
             context, source = recalled or MemoryContext(), source or f"run/{uuid4()}"
@@ -149,13 +144,14 @@ class KnowledgeBank(OpenBank, Closing):
         if not isinstance(verdict, Verdict):
             raise WrongTypeError("An episode needs its Verdict: bank.learn(episode, verdict).")
         if self.options.frozen:
-            return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
+            frozen = "The bank is frozen: nothing was learned."
+            return Learned(discarded=len(episode.lessons), notes=(frozen,))
         with self._lock:
-            learned = learning.learn(self, episode, verdict)
+            learned = learn(self, episode, verdict)
             if self._judge is not None:
                 self.judge(self._judge, about=learned.added, limit=JUDGED)
-            if self._verifier is not None and self.options.replay_per_episode:
-                self.replay(self._verifier, limit=self.options.replay_per_episode, but=episode.source)
+            if self._verifier is not None:
+                self.replay(self._verifier, limit=REPLAYED, but=episode.source)
             return learned
 
     def admit(
@@ -182,10 +178,6 @@ class KnowledgeBank(OpenBank, Closing):
 
         Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
         """
-        from gvla2.memory.learning import JudgedEpisode, admit
-
-        if self.options.frozen:
-            return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
         judged = [
             JudgedEpisode.lesson(lesson, verdict, _task(task), source, own=trusted)
             for lesson, verdict, task, source in items
@@ -201,12 +193,12 @@ class KnowledgeBank(OpenBank, Closing):
         It gets at most ``limit`` pairs with a record in ``about`` (all by default). Of two that contradict each other,
         the less trusted, else the one with less evidence, is archived. Without governance nothing is judged.
         """
-        from gvla2.memory import contradiction
+        from gvla2.memory import review
 
-        if not self.options.governance or self.options.frozen:
-            return contradiction.Judged()
+        if not self.options.governance:
+            return review.Judged()
         with self._lock:
-            return contradiction.judge(self, judge, about=about, limit=limit)
+            return review.judge(self, judge, about=about, limit=limit)
 
     def replay(self, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
         """Verify doubtful episodes again, and promote or demote their lessons accordingly.
@@ -214,21 +206,17 @@ class KnowledgeBank(OpenBank, Closing):
         At most ``limit`` episodes, the least certain first, except that of the source ``but``. A verifier that is
         unavailable changes nothing.
         """
-        from gvla2.memory import replay
+        from gvla2.memory import review
 
-        if not self.options.replay or self.options.frozen:
-            return replay.Replayed()
+        if not self.options.replay:
+            return review.Replayed()
         with self._lock:
-            return replay.replay(self, verifier, limit=limit, but=but)
+            return review.replay(self, verifier, limit=limit, but=but)
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False if there is none."""
-        with self._lock:
-            try:
-                with self.store.writing(self.bank, actor="forget", now=self.clock()) as transaction:
-                    return bool(transaction.forget(id, why=why))
-            finally:
-                self.index.refresh()
+        with self._lock, self.store.writing(self.bank, actor="forget", now=self.clock()) as transaction:
+            return bool(transaction.forget(id, why=why))
 
     def records(self, states: Sequence[LifecycleState] | None = None) -> list[Record]:
         """The bank's records in these states (all by default), by id."""
@@ -240,24 +228,22 @@ class KnowledgeBank(OpenBank, Closing):
         with self._lock:
             asked, vector = self._asked(text)
             served, found = self._candidates("active"), self._candidates("active", "provisional")
-            ranked, _ = self._retriever.rank(asked, served, vector)
-            hits = [Hit(served.record(r.row), r.score, r.terms, reliable=True) for r in ranked]
-            known = {hit.record.id for hit in hits}
-            lexical, cosine = found.lexical(asked.query), found.cosine(vector)
-            score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
-            for row in np.argsort(-score, kind="stable")[: max(k, 0) + len(known)].tolist():
-                if score[row] > 0 and (record := found.record(row)).id not in known:
-                    terms = {"lexical": float(lexical[row]), "cosine": float(cosine[row])}
-                    hits.append(Hit(record, float(score[row]), terms, reliable=False))
-            return hits[: max(k, 0)]
+        ranked, _ = self._retriever.rank(asked, served, vector)
+        hits = [Hit(served.record(r.row), r.score, r.terms, reliable=True) for r in ranked]
+        known = {hit.record.id for hit in hits}
+        lexical, cosine = found.lexical(asked.query), found.cosine(vector)
+        score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
+        for row in np.argsort(-score, kind="stable").tolist():
+            if score[row] > 0 and (record := found.record(row)).id not in known:
+                terms = {"lexical": float(lexical[row]), "cosine": float(cosine[row])}
+                hits.append(Hit(record, float(score[row]), terms, reliable=False))
+        return hits[: max(k, 0)]
 
     def verify(self, *, head: str = "") -> list[Problem]:
         """The bank's problems, [] if there are none.
 
         ``head`` is "SEQ:HASH" from :meth:`stats`, kept elsewhere: with it, a truncated chain is found too.
         """
-        from gvla2.memory.audit import audit
-
         with self.store.reading(self.bank) as view:
             return audit(view, head)
 

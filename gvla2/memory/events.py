@@ -1,4 +1,4 @@
-"""The memory's tables, for SQLite and PostgreSQL alike, and the rows of its chain of events, links and episodes.
+"""The memory's tables, for SQLite and PostgreSQL alike, and the digests of its chain of events.
 
 Every decision about a bank is an event. An event has a header (bank, seq, rev, at, actor, action, record, target) and a
 payload (why, scores, change, origin, state). ``digest = H(salt, payload)`` and ``hash = H(prev, header, digest)``:
@@ -12,11 +12,22 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
 
-from sqlalchemy import BigInteger, Column, Float, Index, LargeBinary, MetaData, Table, Text, UniqueConstraint
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    Float,
+    Index,
+    LargeBinary,
+    MetaData,
+    Row,
+    Table,
+    Text,
+    UniqueConstraint,
+)
 from sqlalchemy.types import TypeEngine
 
 from gvla2.memory.contracts import MemoryTask
@@ -26,64 +37,83 @@ SCHEMA_VERSION = 5
 """Version of the tables, kept in ``memory_meta``; any other is refused."""
 GENESIS = ""
 """``prev`` of a bank's first event."""
+HEADER = ("bank", "seq", "rev", "at", "actor", "action", "record", "target")
+"""The columns of an event that stay."""
+PAYLOAD = ("why", "scores", "change", "origin", "state")
+"""The columns of an event that can be forgotten."""
 
 
-@dataclass(frozen=True, slots=True)
-class Event:
-    """One decision: its ``actor``, ``action``, ``record`` (and ``target``), reason and scores.
+class _Bytes(LargeBinary):
+    """Bytes as they are stored: SQLAlchemy's own fail at a damaged row that holds something else."""
 
-    ``at`` is in seconds since the epoch and never runs backwards within a bank; ``seq`` counts from 1 without gaps;
-    ``rev`` is the number of the transaction. ``scores`` and ``change`` are canonical JSON. ``origin`` is the source of
-    the evidence behind the decision, "" for none: a record's trust follows from its origins.
-    """
-
-    bank: str
-    seq: int
-    rev: int
-    at: float
-    actor: str
-    action: str
-    record: str
-    target: str
-    why: str
-    scores: str
-    change: str
-    origin: str
-    state: str
-    salt: bytes
-    digest: str
-    prev: str
-    hash: str
-
-    @property
-    def payload(self) -> tuple[str, ...]:
-        """The part that can be forgotten."""
-        return self.why, self.scores, self.change, self.origin, self.state
-
-    @property
-    def header(self) -> tuple[object, ...]:
-        """The part that stays, from ``bank`` to ``target``."""
-        return self.bank, self.seq, self.rev, self.at, self.actor, self.action, self.record, self.target
-
-    @property
-    def damage(self) -> str:
-        """What is wrong with the stored row, "" if nothing: columns whose values cannot have been stored."""
-        values = zip(EVENT_COLUMNS, _EVENT_TYPES, strict=True)
-        wrong = [name for name, kind in values if type(getattr(self, name)) is not kind]
-        return f"damaged: {', '.join(wrong)} cannot be read" if wrong or not math.isfinite(self.at) else ""
-
-    @property
-    def erased(self) -> bool:
-        """Whether the payload was forgotten."""
-        return not self.salt
-
-    def change_json(self) -> dict[str, Any]:
-        """What changed, see the module."""
-        return load_object(self.change) if self.change else {}
+    result_processor = TypeEngine.result_processor
 
 
-EVENT_COLUMNS: tuple[str, ...] = tuple(one.name for one in fields(Event))
-_EVENT_TYPES = [{"float": float, "int": int, "bytes": bytes}.get(str(one.type), str) for one in fields(Event)]
+METADATA = MetaData()
+_KINDS = {
+    **dict(zip(COLUMNS, COLUMN_TYPES, strict=True)),
+    **{"seq": int, "rev": int, "dimension": int, "at": float, "salt": bytes, "vector": bytes},
+}
+"""Python types of the columns, where they are not text."""
+_TYPES: Mapping[type, Any] = {str: Text, int: BigInteger, float: Float(53), bytes: _Bytes}
+
+
+def _columns(names: str, keys: str = "") -> Iterator[Column[Any]]:
+    for name in names.split():
+        kind = _TYPES[_KINDS.get(name, str)]
+        yield Column(name, kind, primary_key=name in keys.split(), nullable=False, autoincrement=False)
+
+
+META = Table("memory_meta", METADATA, *_columns("key value", "key"))
+"""Facts about the database: ``schema``."""
+
+BANK = Table("memory_bank", METADATA, *_columns("bank rev seq hash at", "bank"))
+"""A bank and the head of its chain. Each transaction advances this row."""
+
+RECORD = Table(
+    "memory",
+    METADATA,
+    *_columns(" ".join(COLUMNS), "id bank"),
+    UniqueConstraint("bank", "dedup_key"),
+    Index("memory_by_rev", "bank", "rev"),
+)
+"""Records. JSON columns are text, so that one damaged row cannot spoil a query."""
+
+VECTOR = Table("memory_vector", METADATA, *_columns("bank id model dimension vector", "bank id"))
+"""The embedding of a record's text, float32 little-endian: derived data, outside the chain of events."""
+
+LINK = Table(
+    "memory_link",
+    METADATA,
+    *_columns("bank source kind target at", "bank source kind target"),
+    Index("memory_link_by_target", "target", "bank"),
+)
+"""One record refers to another of its bank."""
+
+EVENT = Table(
+    "memory_event",
+    METADATA,
+    *_columns(" ".join((*HEADER, *PAYLOAD, "salt digest prev hash")), "bank seq"),
+    Index("memory_event_by_record", "bank", "record"),
+)
+"""The chain of decisions, each with its ``actor``, ``action``, ``record`` (and ``target``), reason and scores.
+
+``at`` is in seconds since the epoch and never runs backwards within a bank; ``seq`` counts from 1 without gaps; ``rev``
+is the number of the transaction. ``scores`` and ``change`` are canonical JSON. ``origin`` is the source of the evidence
+behind the decision, "" for none: a record's trust follows from its origins. A forgotten payload has no ``salt``.
+"""
+
+EPISODE = Table("memory_episode", METADATA, *_columns("bank source name at data", "bank source"))
+"""The episodes for replay: the JSON of a :class:`StoredEpisode`. ``name`` is random, and events use it: a source in
+their headers could never be forgotten."""
+
+TABLES: tuple[Table, ...] = tuple(METADATA.sorted_tables)
+
+
+def event_damage(event: Row[Any]) -> str:
+    """What is wrong with a stored event, "" if nothing: columns whose values cannot have been stored."""
+    wrong = [name for name, value in event._mapping.items() if type(value) is not _KINDS.get(name, str)]
+    return f"damaged: {', '.join(wrong)} cannot be read" if wrong or not math.isfinite(event.at) else ""
 
 
 def payload_digest(salt: bytes, payload: Sequence[str]) -> str:
@@ -103,8 +133,7 @@ def row_digest(record: Record) -> str:
     return hashlib.sha256(dump(columns).encode()).hexdigest()
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
+class Link(NamedTuple):
     """``source`` refers to ``target``; ``kind`` is conflict or dismissed (a judge found none), or a plugin's own."""
 
     source: str
@@ -137,95 +166,12 @@ class StoredEpisode:
         return dump(data).encode("utf-8", "replace").decode()
 
     @classmethod
-    def from_json(cls, source: object, at: object, text: object) -> StoredEpisode:
+    def from_json(cls, source: str, at: float, text: object) -> StoredEpisode:
         """The episode of :meth:`to_json`; raises ``ValueError`` for anything else."""
         try:
             data = load_object(str(text))
             task = MemoryTask(data["task"]["query"], skill=data["task"]["skill"])
-            if not isinstance(source, str) or not isinstance(at, float) or not math.isfinite(at):
-                raise ValueError("no source or no time")
-            return cls(
-                source, at, task, transcript=str(data["transcript"]), facts=dict(data["facts"]),
-                judged=int(data.get("judged", 1)), records=tuple(data["records"]),
-            )  # fmt: skip
+            kept = str(data["transcript"]), dict(data["facts"]), int(data["judged"]), tuple(data["records"])
+            return cls(source, at, task, *kept)
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an episode: {error}") from error
-
-
-class _Bytes(LargeBinary):
-    """Bytes as they are stored: SQLAlchemy's own fail at a damaged row that holds something else."""
-
-    result_processor = TypeEngine.result_processor
-
-
-METADATA = MetaData()
-_FLOAT = Float(53)
-_NUMBERED = {"seq": BigInteger, "rev": BigInteger, "at": _FLOAT, "salt": _Bytes}
-
-
-def _column(name: str, kind: Any = Text, *, key: bool = False) -> Column[Any]:
-    return Column(name, kind, primary_key=key, nullable=False, autoincrement=False)
-
-
-META = Table("memory_meta", METADATA, _column("key", key=True), _column("value"))
-"""Facts about the database: ``schema``."""
-
-BANK = Table(
-    "memory_bank",
-    METADATA,
-    _column("bank", key=True),
-    *(_column(name, _NUMBERED.get(name, Text)) for name in ("rev", "seq", "hash", "at")),
-)
-"""A bank and the head of its chain. Each transaction advances this row."""
-
-RECORD = Table(
-    "memory",
-    METADATA,
-    *(
-        _column(name, {str: Text, int: BigInteger, float: _FLOAT}[kind], key=name in ("id", "bank"))
-        for name, kind in zip(COLUMNS, COLUMN_TYPES, strict=True)
-    ),
-    UniqueConstraint("bank", "dedup_key"),
-    Index("memory_by_rev", "bank", "rev"),
-)
-"""Records. JSON columns are text, so that one damaged row cannot spoil a query."""
-
-VECTOR = Table(
-    "memory_vector",
-    METADATA,
-    *(_column(name, key=True) for name in ("bank", "id")),
-    _column("model"),
-    _column("dimension", BigInteger),
-    _column("vector", _Bytes),
-)
-"""The embedding of a record's text, float32 little-endian: derived data, outside the chain of events."""
-
-LINK = Table(
-    "memory_link",
-    METADATA,
-    *(_column(name, key=True) for name in ("bank", "source", "kind", "target")),
-    _column("at", _FLOAT),
-    Index("memory_link_by_target", "target", "bank"),
-)
-"""One record refers to another of its bank."""
-
-EVENT = Table(
-    "memory_event",
-    METADATA,
-    *(_column(name, _NUMBERED.get(name, Text), key=name in ("bank", "seq")) for name in EVENT_COLUMNS),
-    Index("memory_event_by_record", "bank", "record"),
-)
-"""The chain of decisions."""
-
-EPISODE = Table(
-    "memory_episode",
-    METADATA,
-    *(_column(name, key=True) for name in ("bank", "source")),
-    _column("name"),
-    _column("at", _FLOAT),
-    _column("data"),
-)
-"""The episodes for replay: the JSON of a :class:`StoredEpisode`. ``name`` is random, and events use it: a source in
-their headers could never be forgotten."""
-
-TABLES: tuple[Table, ...] = tuple(METADATA.sorted_tables)

@@ -1,4 +1,4 @@
-"""A bank in RAM, which follows the store: it reads the bank's ``rev`` and applies newer changes."""
+"""A bank in RAM, which follows the store."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ STATES = ("provisional", "active")
 class Index:
     """The records of ``bank`` that may be ranked, with vectors by ``embedder``. Not thread-safe.
 
-    Stored vectors of another model are replaced, except by the static table's: those are quickly made.
+    It reads the bank's ``rev`` and applies newer changes. Stored vectors of another model are replaced, except by the
+    static table's: those are quickly made.
     """
 
     def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
         self.bank, self.rev = bank, 0
         self._store, self._embedder = store, embedder
         self._replaces = not isinstance(embedder, StaticEmbedder)
-        self._dimension = int(embedder.embed([""]).shape[1])
+        self._shape = embedder.embed([""])[0].shape
         self._held: dict[str, HeldRecord] = {}
         self._candidates: dict[tuple[str, ...], Candidates] = {}
         self._made: list[tuple[Record, NDArray[np.float32]]] = []
@@ -56,17 +57,15 @@ class Index:
         with self._store.reading(self.bank) as view:
             rev, changes = view.rev, view.changes(since)
         kept = [
-            one
-            for one in changes
-            if one.record.state in STATES and one.record.type in TYPES and one.record.outcome in OUTCOMES
+            HeldRecord(one.record, vector, one.conflicts)
+            for one, vector in self._with_vectors(changes)
+            if one.record.type in TYPES and one.record.outcome in OUTCOMES
         ]
-        vectors = self._vectors(kept)
         if not since:
             self.clear()
         for change in changes:
             self._held.pop(change.record.id, None)
-        for one, vector in zip(kept, vectors, strict=True):
-            self._held[one.record.id] = HeldRecord(one.record, vector, one.conflicts)
+        self._held |= {one.record.id: one for one in kept}
         self._candidates.clear()
         self.rev = rev
 
@@ -96,16 +95,14 @@ class Index:
         found.now = now
         return found
 
-    def nearest(
-        self, vector: NDArray[np.float32], k: int, states: Sequence[str] = ("active",)
-    ) -> list[tuple[Record, float]]:
-        """The at most ``k`` records with the largest cosine to a unit (D,) vector, with it; equal ones by id.
+    def nearest(self, vector: NDArray[np.float32], k: int) -> list[tuple[Record, float]]:
+        """The at most ``k`` active records with the largest cosine to a unit (D,) vector, with it; equal ones by id.
 
         A zero vector has no neighbours.
         """
         if k <= 0 or not vector.any():
             return []
-        candidates = self.candidates(states)
+        candidates = self.candidates(["active"])
         cosines = candidates.cosine(vector)
         best = np.argsort(-cosines, kind="stable")[:k]
         return [(candidates.record(row), float(cosines[row])) for row in best.tolist()]
@@ -115,25 +112,24 @@ class Index:
         return self._held.get(id)
 
     def records(self, state: str) -> list[Record]:
-        """The records held in a state."""
-        return [one.record for one in self._held.values() if one.record.state == state]
+        """The records held in a state, by id."""
+        held = [one.record for one in self._held.values() if one.record.state == state]
+        return sorted(held, key=lambda record: record.id)
 
-    def _vectors(self, changes: Sequence[RecordChange]) -> list[NDArray[np.float32]]:
-        """The valid stored (D,) vectors by this embedder's model, new ones for the others."""
-        model = self._embedder.model
-        found = [one.vector if one.model == model and self._valid(one.vector) else None for one in changes]
-        missing = [i for i, vector in enumerate(found) if vector is None]
-        texts = [(changes[i].record.query, changes[i].record.content) for i in missing]
-        made = record_vectors(self._embedder, texts) if missing else ()
-        for i, vector in zip(missing, made, strict=True):
-            found[i] = vector = np.nan_to_num(vector)
-            if not changes[i].model or (self._replaces and changes[i].model != model):
-                self._made.append((changes[i].record, vector))
-        return [vector for vector in found if vector is not None]
-
-    def _valid(self, vector: NDArray[np.float32] | None) -> bool:
-        """Whether a stored vector may be used: finite, and of length 1 or 0."""
-        if vector is None or vector.shape != (self._dimension,):
-            return False
-        square = float(vector.astype(np.float64) @ vector)
-        return square == 0.0 or abs(square - 1.0) < 2e-2
+    def _with_vectors(
+        self, changes: Sequence[RecordChange]
+    ) -> list[tuple[RecordChange, NDArray[np.float32]]]:
+        """The changes to hold, with the stored (D,) vectors by this embedder's model, and new ones for the others."""
+        model, kept = self._embedder.model, [one for one in changes if one.record.state in STATES]
+        stored = {
+            one.record.id: one.vector
+            for one in kept
+            if one.model == model and one.vector is not None and one.vector.shape == self._shape
+        }
+        missing = [one for one in kept if one.record.id not in stored]
+        made = record_vectors(self._embedder, [(one.record.query, one.record.content) for one in missing])
+        for one, vector in zip(missing, np.nan_to_num(made), strict=True):
+            stored[one.record.id] = vector
+            if not one.model or (self._replaces and one.model != model):
+                self._made.append((one.record, vector))
+        return [(one, stored[one.record.id]) for one in kept]

@@ -24,6 +24,7 @@ OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
 FORGOTTEN = "forgotten"
 """The state of a tombstone: the record was forgotten, and only its id and number of changes are left."""
+SECONDS_PER_DAY = 86_400.0
 MAX_QUERY, MAX_PHRASINGS = 1000, 8
 """Maximum length of one instruction in a record, characters, and maximum number of instructions."""
 

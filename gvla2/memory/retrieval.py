@@ -14,10 +14,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.candidates import SECONDS_PER_DAY, Array, Candidates, HeldRecord
+from gvla2.memory.candidates import Array, Candidates, HeldRecord
 from gvla2.memory.contracts import MemoryTask, Ranked
 from gvla2.memory.options import HybridOptions, ScoreWeights, SemanticOptions
-from gvla2.memory.records import Record, dump
+from gvla2.memory.records import SECONDS_PER_DAY, Record, dump
 from gvla2.memory.text import subqueries, words
 
 _LOOKED_AT = 1000

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.admission import Weighed, confirmed, new_record
+from gvla2.memory.admission import confirmed, new_record
 from gvla2.memory.contracts import Embedder, Lesson, MemoryEpisode, Verdict
 from gvla2.memory.records import Record, clean, dump
 from gvla2.memory.store import Store
@@ -34,12 +34,8 @@ class Draft:
     key: str = ""
 
 
-@dataclass(frozen=True)
-class Found:
-    """An entry, its leading record first, and the cosine of its text with the query, in [-1, 1]."""
-
-    records: tuple[Record, ...]
-    similarity: float
+Entry = tuple[Record, ...]
+"""The records of an entry, its leading one first."""
 
 
 class VectorStore:
@@ -62,22 +58,22 @@ class VectorStore:
         self.store, self.bank, self._embedder = store, bank, embedder
         self._of_content, self._clock = of_content, clock
         self._vectors: dict[str, NDArray[np.float32]] = {}  # by text: each is embedded once
-        self._entries: list[tuple[Record, ...]] = []
+        self._entries: list[Entry] = []
         self._rev = 0
 
     def __len__(self) -> int:
         self._refresh()
         return len(self._entries)
 
-    def nearest(self, text: str, k: int) -> list[Found]:
-        """The ``k`` entries whose text is most similar, best first; ties by name."""
+    def nearest(self, text: str, k: int) -> list[tuple[Entry, float]]:
+        """The ``k`` most similar entries and the cosine of each with the text, in [-1, 1], best first; ties by name."""
         self._refresh()
         if not self._entries or k < 1:
             return []
         matrix = np.stack([self._vector(entry[0]) for entry in self._entries])  # (N, D)
         cosines = matrix @ self._embedder.embed([clean(text, LONGEST)])[0]  # (N,)
         best = np.argsort(-cosines, kind="stable")[:k]
-        return [Found(self._entries[row], float(cosines[row])) for row in best.tolist()]
+        return [(self._entries[row], float(cosines[row])) for row in best.tolist()]
 
     def add(
         self, drafts: Sequence[Draft], episode: MemoryEpisode, verdict: Verdict, *, actor: str
@@ -91,9 +87,7 @@ class VectorStore:
                     about = str((lesson.effect or {}).get("parameter", ""))
                     key = _digest(dump([name, lesson.type, lesson.content, about] if place else [name, 0]))
                     short = replace(lesson, content=clean(lesson.content, LONGEST))
-                    record = new_record(
-                        self.bank, Weighed(short, "active", key=key), episode, verdict, tx.now
-                    )
+                    record = new_record(self.bank, short, episode, verdict, tx.now, key=key)
                     known = tx.by_key(key)
                     if known is not None:
                         record = tx.put(confirmed(known, record, episode, verdict, tx.now), action="merge")

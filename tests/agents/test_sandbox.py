@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from gvla2.agents.contracts import AgentTask, EnvironmentFailedError
-from gvla2.agents.folders import read_task, read_tasks
 from gvla2.agents.sandbox import BubblewrapSandbox, bubblewrap
-from gvla2.agents.solving import run_tests
+from gvla2.agents.tasks import read_task, read_tasks, run_tests
 from gvla2.errors import ConfigurationError, MissingDependencyError
 
 OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"

@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
+from gvla2.memory.admission import effects_conflict
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Judgement, Lesson, LessonPair
-from gvla2.memory.contradiction import BATCH, Judged, effects_conflict
 from gvla2.memory.records import Record
+from gvla2.memory.review import BATCH, Judged
 from tests.memory.looking import look
 
 Open = Callable[..., Any]

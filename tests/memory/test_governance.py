@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryTask
-from gvla2.memory.governance import PROGRAMS, retention
+from gvla2.memory.learning import PROGRAMS, retention
 from gvla2.memory.records import Record
 from tests.memory.corpus import lessons as records
 from tests.memory.looking import look

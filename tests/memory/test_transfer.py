@@ -28,9 +28,8 @@ def file(open_bank: Open, verdicts: Any, tmp_path: Path) -> Path:
                trusted=True)  # fmt: skip
     bank.admit("Wring the cloth out.", verdicts["success"], task="wipe the table", source="club")
     bank.admit("Swing fast.", verdicts["success"], task="open the drawer", source="lab")
-    done = export_jsonl(bank.store, "first", tmp_path / "out.jsonl")
-    assert (done.records, done.left_out) == (5, 0)
-    return done.file
+    assert export_jsonl(bank.store, "first", tmp_path / "out.jsonl") == 5
+    return tmp_path / "out.jsonl"
 
 
 def test_of_ones_own_export_ones_own_active_lessons_become_active(open_bank: Open, file: Path) -> None:
