@@ -95,8 +95,6 @@ def effect_words(effect: Mapping[str, Any] | None) -> str:
             return f" ({name} {value:.4g}{of}, sd {sd:.2g}, {times})"
         case "forbid":
             return f" (never {name})"
-        case "order":
-            return f" ({name})"
         case _:
             return ""
 

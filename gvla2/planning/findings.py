@@ -47,7 +47,7 @@ FindingKind = Literal[
     # clearance
     "collision", "blocked_start", "hand_blocked", "too_wide",
     # memory
-    "order_broken", "bound_broken",
+    "bound_broken",
 ]  # fmt: skip
 """What a check found, a stable word; "" with ``passed`` for a check that found nothing wrong."""
 
@@ -72,7 +72,7 @@ class Findings:
     """What one check found wrong with a trajectory so far; messages begin with the waypoint's index and stage."""
 
     def __init__(self, check: CheckName, trajectory: Trajectory) -> None:
-        self._check, self._trajectory = check, trajectory
+        self._check, self.trajectory = check, trajectory
         self._failed: list[Finding] = []
 
     def fail(
@@ -85,7 +85,7 @@ class Findings:
     ) -> None:
         """Add a fault of waypoint ``index``, of the whole trajectory if it is negative."""
         if index >= 0:
-            stage = self._trajectory.waypoints[index].stage
+            stage = self.trajectory.waypoints[index].stage
             message = f"Waypoint {index} ({stage or 'no stage'}): {message}"
         self._failed.append(Finding(self._check, False, index, kind, message, value, limit))
 

@@ -117,7 +117,7 @@ def measure(
     targets = views if held_out is None else held_out
     whitened = Views(tuple(replace(v, image=as_bytes(on_white(v))) for v in targets))
     judge = ReconstructionJudge(ObjectViews("", views, whitened, truth), renderer)
-    pair = [judge.measure(replace(end, gaussians=drawable(end))).measures for end in ends]
+    pair = [judge.measure(replace(end, gaussians=drawable(end)))[0] for end in ends]
     for group, named, asked in (
         ("held_out", ("psnr", "ssim"), held_out),
         ("truth", ("cd_surface", "cd_official"), truth),

@@ -15,7 +15,7 @@ from gvla2.planning.scene_brief import SceneBrief, scene_brief
 from gvla2.skills.model_planning import ask_for_plan, instruction_in, nothing_to_ask, rejected_answer
 from gvla2.skills.path_lifting import MOST_POINTS, lift
 from gvla2_plugins.agent3d import Agent3dConfig
-from gvla2_plugins.agent3d.waypoints import Step, grammar, path_of, read_steps, schema, written
+from gvla2_plugins.agent3d.waypoints import Step, grammar, path_of, read_steps, written
 
 EXAMPLE = (
     "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",
@@ -52,7 +52,6 @@ class Agent3d:
             lambda text: self._lifted(read_steps(text, brief.ids), brief, request),
             named=lambda reason: brief.named(reason, request.scene),
             tries=config.tries,
-            schema=schema(names),
             grammar=grammar(names, max_points=most),
             seed=config.explore_seed,
             temperature=config.explore or None,

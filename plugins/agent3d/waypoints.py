@@ -68,24 +68,6 @@ def path_of(steps: Sequence[Step], ids: Mapping[str, str], scene: Scene) -> list
     return points
 
 
-def schema(names: Sequence[str]) -> dict[str, Any]:
-    """JSON schema of an answer."""
-    number = {"type": "integer", "minimum": -FARTHEST, "maximum": FARTHEST}
-    name = {"type": "string", "enum": list(names)}
-    hand = {"type": "integer", "enum": [0, 1]}
-    forms = [[name, number, number, number, hand], [name, name, number, number, hand]]
-    waypoints = [
-        {"type": "array", "prefixItems": form, "minItems": 5, "maxItems": 5, "items": False} for form in forms
-    ]
-    path = {"type": "array", "items": {"anyOf": waypoints}, "minItems": 2, "maxItems": MOST_POINTS}
-    return {
-        "type": "object",
-        "properties": {"path": path},
-        "required": ["path"],
-        "additionalProperties": False,
-    }
-
-
 def grammar(names: Sequence[str], *, max_points: int = MOST_POINTS) -> str:
     """llama.cpp's grammar of an answer: a plain list, which takes the fewest tokens, of at most ``max_points``."""
     lines = (

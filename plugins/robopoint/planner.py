@@ -86,7 +86,7 @@ class _Asking:
         request, skills = self._request, self._skills
         words = "\n\n".join([*context(request), question(request, skills)])
         asked: list[Message] = [{"role": "user", "content": words}]
-        task = self._ask(asked, lambda text: read_task(text, skills), schema=form(skills))
+        task = self._ask(asked, lambda text: read_task(text, skills))
         if task.skill == "none":
             return Abstention("unknown_skill", f"None of {', '.join(skills)} was seen in the instruction.")
         theme = self._object(task.theme)
@@ -143,9 +143,8 @@ class _Asking:
 
         return self._ask(asked, parse)
 
-    def _ask(self, messages: Sequence[Message], parse: Callable[[str], T], **schema: Any) -> T:
-        tries = self._config.tries
-        found = ask_typed(self._language, messages, parse, purpose="plan", tries=tries, **schema)
+    def _ask(self, messages: Sequence[Message], parse: Callable[[str], T]) -> T:
+        found = ask_typed(self._language, messages, parse, purpose="plan", tries=self._config.tries)
         self.said += found.transcript
         answer: T = found.answer
         return answer
@@ -163,32 +162,17 @@ def question(request: PlanRequest, skills: Mapping[str, Skill]) -> str:
     )
 
 
-def form(skills: Mapping[str, Skill]) -> dict[str, Any]:
-    """The JSON schema of the answer to :func:`question`."""
-    text = {"type": "string", "maxLength": LONGEST}
-    fields = {
-        "skill": {"enum": [*skills, "none"]},
-        "theme": text,
-        "goal": text,
-        "relation": {"enum": list(RELATIONS)},
-    }
-    return {"type": "object", "properties": fields, "required": list(fields), "additionalProperties": False}
-
-
 def read_task(text: str, skills: Mapping[str, Skill]) -> PointingTask:
     """The answer to :func:`question`; raises :class:`ValueError` on what is wrong with it."""
     answer = json_in(text)
     if not isinstance(answer, dict):
         raise ValueError("It is not a JSON object.")
     skill, theme, goal, relation = (answer.get(k, "") for k in ("skill", "theme", "goal", "relation"))
-    if skill not in (*skills, "none"):
-        raise ValueError(f"There is no skill {skill!r:.40}; there are {', '.join(skills)} and none.")
+    for what, word, words in (("skill", skill, (*skills, "none")), ("relation", relation, RELATIONS)):
+        if word not in words:
+            raise ValueError(f"There is no {what} {word!r:.40}; there are {', '.join(filter(None, words))}.")
     if not (isinstance(theme, str) and isinstance(goal, str)) or max(len(theme), len(goal)) > LONGEST:
         raise ValueError("'theme' and 'goal' are short texts.")
-    if relation not in RELATIONS:
-        raise ValueError(
-            f"There is no relation {relation!r:.40}; there are {', '.join(r for r in RELATIONS if r)}."
-        )
     if skill != "none" and not theme.strip():
         raise ValueError("'theme' is empty; name the object.")
     return PointingTask(skill, theme.removeprefix("the "), goal.removeprefix("the "), relation)

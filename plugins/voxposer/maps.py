@@ -93,16 +93,17 @@ class MapInterpreter:
         match node:
             case ast.Constant(value=bool() | int() | float() as number) if abs(number) < LARGEST:
                 return np.float64(number)
-            case ast.Name(id="x" | "y" | "z" as axis):
-                return self._coordinate("xyz".index(axis))
+            case ast.Name(id="x" | "y" | "z" as axis):  # millimetres, z above the table
+                lowest = self._scene.table_height if axis == "z" else 0.0
+                return np.asarray(1e3 * (self._points[..., "xyz".index(axis)] - lowest))
             case ast.Attribute(value=owner, attr=name):
                 return self._attribute(owner, name)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
                 return _combined(op, self._value(left), self._value(right))
-            case ast.UnaryOp(op=op, operand=operand):
-                return _combined(op, self._value(operand))
             case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _ARITHMETIC:
                 return _combined(op, self._value(left), self._value(right))
+            case ast.UnaryOp(op=op, operand=operand):
+                return _combined(op, self._value(operand))
             case ast.BoolOp(op=op, values=values):
                 return reduce(partial(_combined, op), map(self._value, values))
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
@@ -121,10 +122,6 @@ class MapInterpreter:
         except (TypeError, IndexError):
             raise ValueError(f"{name}() does not take these {len(args)} arguments.") from None
         raise ValueError(f"There is no {name}(); there are {WORDS}.")
-
-    def _coordinate(self, axis: int) -> Value:
-        """Millimetres, z above the table."""
-        return np.asarray(1e3 * (self._points[..., axis] - (self._scene.table_height if axis == 2 else 0.0)))
 
     def _attribute(self, owner: ast.expr, name: str) -> Value:
         """A number of an object, millimetres."""
@@ -146,10 +143,8 @@ class MapInterpreter:
 
 
 def _combined(op: ast.AST, *values: Value) -> Value:
-    try:
-        return np.asarray(_ARITHMETIC[type(op)](*values))
-    except TypeError:  # the sign of a condition: numpy has none
-        return np.asarray(_ARITHMETIC[type(op)](*(np.asarray(v, dtype=np.float64) for v in values)))
+    # As floats: numpy has no sign of a condition.
+    return np.asarray(_ARITHMETIC[type(op)](*(np.asarray(v, dtype=np.float64) for v in values)))
 
 
 def _to(points: FloatArray, place: FloatArray) -> FloatArray:

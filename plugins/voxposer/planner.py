@@ -1,27 +1,135 @@
-"""The planner: the model's program, the way through its maps, lifted into the scene and checked."""
+"""The planner: the model's program, the cheapest way through its maps, lifted into the scene and checked."""
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
+from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
-from gvla2.geometry.transform import FloatArray
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.language import LanguageModel
 from gvla2.planning.contracts import Plan, PlanRequest
-from gvla2.planning.scene import Box, Scene
+from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.scene_brief import LEGEND, scene_brief
-from gvla2.skills.model_planning import ask_for_path, context, instruction_in, nothing_to_ask
-from gvla2.skills.path_lifting import PathPoint
+from gvla2.skills.model_planning import ask_for_plan, context, instruction_in, nothing_to_ask
+from gvla2.skills.path_lifting import PathPoint, lift
 from gvla2_plugins.voxposer.maps import MapInterpreter, Move, read_program
-from gvla2_plugins.voxposer.voxel_route import VoxelGrid
 
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
+
+
+MOST_VOXELS = 400_000
+"""About half a second for one path."""
+FINER = 4
+"""Refinement factor of the search for a peak, applied twice."""
+AT_HAND = 0.02
+"""A hand that closes this near to an object grasps it, metres."""
+WORTH = 1.02
+"""A straight line may cost this much more than the path that it replaces: grid paths are jagged."""
+
+
+@dataclass(frozen=True)
+class VoxelGrid:
+    """``shape`` cubes of side ``size``, metres, starting at the corner ``low`` (3,) of a box in the world."""
+
+    low: FloatArray
+    size: float
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def over(cls, box: Box, size: float) -> VoxelGrid:
+        """The grid that covers a box; raises :class:`ConfigurationError` for too many voxels to search."""
+        shape = np.maximum(np.ceil((box.high - box.low) / size - 1e-9).astype(int), 1)
+        if int(np.prod(shape)) > MOST_VOXELS:
+            raise ConfigurationError(
+                f"Voxels of {size} m make a grid of {int(np.prod(shape))} over the workspace, more than "
+                f"{MOST_VOXELS}; choose larger ones."
+            )
+        x, y, z = (int(n) for n in shape)
+        return cls(np.asarray(box.low, dtype=np.float64), size, (x, y, z))
+
+    def centres(self) -> FloatArray:
+        """(X, Y, Z, 3) centres of all voxels."""
+        axes = [self.low[k] + self.size * (np.arange(n) + 0.5) for k, n in enumerate(self.shape)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+    def indices(self, points: FloatArray) -> np.ndarray:
+        """(..., 3) indices of the voxels that contain points (..., 3), the nearest ones for points outside."""
+        found = np.floor((points - self.low) / self.size).astype(int)
+        return np.asarray(np.clip(found, 0, np.array(self.shape) - 1))
+
+    def clearance(self, objects: Iterable[SceneObject], grown: float = 0.0) -> FloatArray:
+        """(X, Y, Z) distance of each voxel from the nearest object's box, grown by ``grown`` metres; inf for none."""
+        centres, taken = self.centres(), np.zeros(self.shape, dtype=bool)
+        for obj in objects:
+            local = np.abs(transform_points(invert_rigid(obj.world_from_object), centres))
+            taken |= (local <= 0.5 * obj.extents + grown).all(axis=-1)
+        if not taken.any():
+            return np.full(self.shape, np.inf)
+        return np.asarray(distance_transform_edt(~taken, sampling=self.size))
+
+    def peak(self, values_at: Callable[[FloatArray], FloatArray], avoided: FloatArray) -> FloatArray:
+        """(3,) where ``values_at`` (points (..., 3) to values (...)) is highest, on this grid and then on finer ones.
+
+        Ties go to the least ``avoided`` (X, Y, Z), then to the one in the middle. Raises :class:`ValueError` if all
+        values are the same.
+        """
+        centres = self.centres()
+        values = values_at(centres)
+        if float(np.ptp(values)) == 0.0:
+            raise ValueError("The values are the same everywhere; say where to go.")
+        top = _highest(values)
+        best = _middle(centres[top & (avoided <= avoided[top].min() + 1e-9)])
+        for step in (self.size, self.size / FINER):
+            offsets = step * np.arange(-FINER, FINER + 1) / FINER
+            around = best + np.stack(np.meshgrid(offsets, offsets, offsets), axis=-1)
+            best = _middle(around[_highest(values_at(around))])
+        return best
+
+    def route(self, costs: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
+        """(N, 3) points of the cheapest path from ``start`` to ``goal`` (3,), inclusive; ``costs`` (X, Y, Z) > 0."""
+        from skimage.graph import route_through_array  # takes half a second
+
+        a, b = (tuple(int(v) for v in self.indices(p)) for p in (start, goal))
+        found, _ = route_through_array(costs, a, b, fully_connected=True, geometric=True)  # type: ignore[no-untyped-call]
+        way = self.low + self.size * (np.asarray(found, dtype=np.float64) + 0.5)
+        way = np.vstack([start, way[1:-1], goal])
+        return self._straightened(costs, way)
+
+    def _straightened(self, costs: FloatArray, way: FloatArray) -> FloatArray:
+        """The path with stretches replaced by straight lines that cost no more."""
+        steps = [self._cost(costs, a, b) for a, b in pairwise(way)]
+        spent, kept, at = np.concatenate([[0.0], np.cumsum(steps)]), [0], 0
+        while at < len(way) - 1:
+            at = next(
+                j
+                for j in range(len(way) - 1, at, -1)
+                if j == at + 1 or self._cost(costs, way[at], way[j]) <= WORTH * (spent[j] - spent[at])
+            )
+            kept.append(at)
+        return way[kept]
+
+    def _cost(self, costs: FloatArray, a: FloatArray, b: FloatArray) -> float:
+        length = float(np.linalg.norm(b - a))
+        count = max(2, int(np.ceil(2.0 * length / self.size)) + 1)
+        at = self.indices(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
+        return length * float(costs[tuple(at.T)].mean())
+
+
+def _highest(values: FloatArray) -> np.ndarray:
+    return np.asarray(values >= values.max() - 1e-9 * max(1.0, float(np.ptp(values))))
+
+
+def _middle(points: FloatArray) -> FloatArray:
+    """(3,) the one of points (N, 3) nearest to their mean."""
+    return np.asarray(points[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))])
 
 
 def stops(
@@ -38,30 +146,40 @@ def stops(
     for move in moves:
         maps = {name: everywhere.values(map_) for name, map_ in move.items()}
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
-        peak = grid.peak(partial(_values, move["affordance"], scene, ids), avoided)
+        affordance = move["affordance"]
+        peak = grid.peak(lambda at, a=affordance: MapInterpreter(scene, ids, at).values(a), avoided)
         goal = np.clip(peak, box.low, box.high)
         # Not obstacles: the start and end of the move, held objects, and the target of a closed, empty hand.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
         ends = {held, *map(scene.object_at, line)}
         clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=c.margin)
         costs = 1.0 + c.obstacles * np.exp(-clear / c.margin) + c.avoidance * avoided
-        # A number for the hand applies at the end of the move, a map with several values at their places.
-        varied = np.ptp(maps.get("gripper", np.zeros(1))) > 0.0
-        way = grid.route(costs, at, goal)
-        for number, point in enumerate(way[1:], 2):
-            hand = gripper
-            if "gripper" in maps and (varied or number == len(way)):
-                hand = float(np.clip(maps["gripper"][tuple(grid.indices(point))], 0.0, 1.0))
-            x, y, z = map(float, point)
-            found.append(PathPoint((x, y, z), hand))
-        if found[-1].gripper >= 0.5 or gripper >= 0.5:
-            held = "" if found[-1].gripper >= 0.5 else scene.object_at(goal)
-        at, gripper = goal, found[-1].gripper
+        _, *way = grid.route(costs, at, goal)
+        before = gripper
+        if "gripper" in maps:  # on arrival
+            gripper = float(np.clip(maps["gripper"][tuple(grid.indices(goal))], 0.0, 1.0))
+        hands = [before] * (len(way) - 1) + [gripper]
+        found += [
+            PathPoint((x, y, z), hand)
+            for (x, y, z), hand in zip(map(np.ndarray.tolist, way), hands, strict=True)
+        ]
+        if gripper >= 0.5 or before >= 0.5:
+            held = "" if gripper >= 0.5 else scene.object_at(goal)
+        at = goal
     return found
 
 
-def _values(map_: ast.expr, scene: Scene, ids: Mapping[str, str], points: FloatArray) -> FloatArray:
-    return MapInterpreter(scene, ids, points).values(map_)
+def one_hold(path: Sequence[PathPoint], scene: Scene) -> Sequence[PathPoint]:
+    """The path; one whose hand closes in free space pushes or presses, and begins there.
+
+    Raises :class:`ValueError` if it closes more than once: one object is handled.
+    """
+    closings = [k for k, p in enumerate(path) if p.closed and (k == 0 or not path[k - 1].closed)]
+    if len(closings) > 1:
+        raise ValueError(f"The hand closes {len(closings)} times on this path; handle one object, the first.")
+    if not closings or scene.object_at(path[closings[0]].array, AT_HAND):
+        return path
+    return list(takewhile(lambda point: point.closed, path[closings[0] :]))
 
 
 class VoxPoserPlanner:
@@ -77,10 +195,11 @@ class VoxPoserPlanner:
             return refusal
         brief = scene_brief(request.scene)
 
-        def read(text: str) -> Sequence[Sequence[PathPoint]]:
-            return [stops(read_program(text), request, brief.ids, self.config)]
+        def plan_of(text: str) -> Plan:
+            path = stops(read_program(text), request, brief.ids, self.config)
+            return lift(one_hold(path, request.scene), request)
 
         objects, task = f"Objects ({LEGEND}), data only:\n{brief.text}", f"Task: {instruction_in(request)}"
         asked = "\n\n".join([objects, *context(request), task])
         messages = [{"role": "system", "content": self._prompt}, {"role": "user", "content": asked}]
-        return ask_for_path(self._language, messages, read, request, tries=self.config.tries)
+        return ask_for_plan(self._language, messages, plan_of, tries=self.config.tries)

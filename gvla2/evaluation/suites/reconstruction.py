@@ -240,9 +240,9 @@ class ObjectBench:
         made, notes = refined_row(variant, start, views.inputs, chosen, unit.config.branch)
         if variant != REFERENCE:
             seconds = time.perf_counter() - began
-        scores = judge.measure(made)
-        notes = {"status": "ok", "cd_points": scores.cd_points, **notes}
-        return Cell(key, factors, {**scores.measures, "seconds": seconds}, notes)
+        measures, points = judge.measure(made)
+        notes = {"status": "ok", "cd_points": points, **notes}
+        return Cell(key, factors, {**measures, "seconds": seconds}, notes)
 
     def _components(self, seed: int, noise: str) -> AblationComponents:
         root = chosen_components(self._unit.config, self._registry, self._unit.baseline, seed, noise)
