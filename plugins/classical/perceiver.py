@@ -34,7 +34,6 @@ from gvla2_plugins.classical.known import known_objects
 from gvla2_plugins.classical.naming import described
 from gvla2_plugins.classical.pixels import Pixels, TableFrame, choose, usable_frames
 from gvla2_plugins.classical.segmentation import (
-    LAYER,
     bodies_of,
     grow_down,
     join_across_views,
@@ -123,18 +122,9 @@ class ClassicalPerceiver:
             near & ~high & (frame.points[..., 2] >= -rise)
             for frame, near, high in zip(frames, inside, above, strict=True)
         ]
-        # The height of a speck is not believed: it may be of a layer, but is no paint on its own.
-        specks = [
-            near & high & ~up & (frame.points[..., 2] < LAYER[1] * rise)
-            for frame, near, high, up in zip(frames, inside, above, raised, strict=True)
-        ]
-        different = [
-            unlike_table(f, mask | speck) for f, mask, speck in zip(frames, flat, specks, strict=True)
-        ]
+        different = [unlike_table(frame, mask) for frame, mask in zip(frames, flat, strict=True)]
         reach = 0.004 + 1.5 * noise
-        layer = rise, noise, reach, config.jump, config.colour_step, config.min_points
-        raised, different = settle_layers(frames, raised, different, *layer)
-        different = [paint & ~speck for paint, speck in zip(different, specks, strict=True)]
+        raised, different = settle_layers(frames, raised, different, rise, reach, config)
         flat = [mask | other for mask, other in zip(flat, different, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         connected = config.jump, reach, config.min_points

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from gvla2.geometry.transform import FloatArray
 from gvla2.perception.clusters import connected
 from gvla2.planning.colours import LIGHTNESS_WEIGHT
+from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, appearance_of, choose, seen_through
 
 LIKE = 14.0  # hues of pieces of one object differ by less
@@ -195,9 +196,6 @@ def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float, least:
 
 LAYER = (0.5, 2.0)  # of the least height: layers whose middle lies between these are judged as wholes
 UP = 0.75  # of the least height: a layer whose middle is higher is an object
-FEWEST_OF_LAYER = 12  # pixels of a layer in one view
-AS_LEVEL = 1.5  # of the table's noise, by which the pixels of a layer differ at most
-STEP = 5e-4  # metres: and by this more
 
 Masks = list[NDArray[np.bool_]]
 
@@ -207,38 +205,23 @@ def settle_layers(
     raised: Masks,
     paint: Masks,
     rise: float,
-    noise: float,
     reach: float,
-    jump: float,
-    colour_step: float,
-    least: int,
+    config: ClassicalConfig,
 ) -> tuple[Masks, Masks]:
-    """``raised`` and ``paint``, one (H, W) a frame, with all pixels of a level layer of one paint in one of them.
+    """``raised`` and ``paint``, one (H, W) a frame, with all pixels of a low layer of one paint in one of them.
 
     A pixel's height errs, the middle of a whole layer's does not. ``rise`` is the height from which one pixel counts
-    as raised, ``noise`` the table's; ``reach`` as of ``join_across_views`` and
-    ``jump`` as of ``pieces_in_views``, in metres.
+    as raised, ``reach`` as of :func:`join_across_views`, in metres.
     """
     pixels = choose(frames, [up | flat for up, flat in zip(raised, paint, strict=True)])
-    if not len(pixels):
-        return raised, paint
-    pieces = pieces_in_views(pixels, jump, colour_step)
-    chosen = np.zeros(len(pixels), dtype=bool)
-    for members in groups(pieces, FEWEST_OF_LAYER):
-        heights = pixels.points[members, 2]
-        middle = float(np.median(heights))
-        level = 1.4826 * float(np.median(np.abs(heights - middle))) < AS_LEVEL * noise + STEP
-        chosen[members] = level and LAYER[0] * rise < middle < LAYER[1] * rise
-    if not chosen.any():
-        return raised, paint
-    layers = choose(frames, [(at >= 0) & np.append(chosen, False)[at] for at in pixels.maps])
-    labels = join_across_views(layers, pieces_in_views(layers, jump, colour_step), reach)
-    up = np.zeros(len(layers) + 1, dtype=bool)
-    down = up.copy()
-    for members in groups(labels, least):
-        side = up if np.median(layers.points[members, 2]) > UP * rise else down
-        side[members] = True
+    side = np.zeros(len(pixels) + 1)  # the last is that of no pixel
+    pieces = pieces_in_views(pixels, config.jump, config.colour_step)
+    for members in groups(join_across_views(pixels, pieces, reach), config.min_points):
+        middle = float(np.median(pixels.points[members, 2])) / rise
+        if LAYER[0] < middle < LAYER[1]:
+            side[members] = 1.0 if middle > UP else -1.0
+    sides = [side[at] for at in pixels.maps]
     return (
-        [(mask | up[at]) & ~down[at] for mask, at in zip(raised, layers.maps, strict=True)],
-        [(mask | down[at]) & ~up[at] for mask, at in zip(paint, layers.maps, strict=True)],
+        [(mask | (side > 0)) & (side >= 0) for mask, side in zip(raised, sides, strict=True)],
+        [(mask | (side < 0)) & (side <= 0) for mask, side in zip(paint, sides, strict=True)],
     )

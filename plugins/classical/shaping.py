@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.footprints import footprint_of
+from gvla2_plugins.classical.footprints import flat_object
 from gvla2_plugins.classical.outline import (
     completed,
     crowded,
@@ -30,9 +30,9 @@ from gvla2_plugins.classical.solids import (
     evenly,
     fit_solid,
     narrow_yaw,
+    solid,
     sphere_distance,
     spread_out,
-    upright_rectangle,
 )
 
 GOOD = 0.82  # agreement from which one solid explains an object
@@ -104,45 +104,23 @@ def shape_object(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray
     """The solid that explains the pixels ``members`` (N,) best, standing on the table unless it is seen to hang."""
     evidence = _gather(frames, pixels, members, gap)
     fits = _fits(evidence)
-    if not evidence.floating and fits["box"].parameters[5] < SHEET:
-        return _sheet(frames, pixels, members, evidence, float(fits["box"].parameters[5]))
+    top = float(fits["box"].parameters[5])
+    if not evidence.floating and top < SHEET:
+        # Free points beside it do not show the outline of one so flat: the table does.
+        flat = flat_object(frames, pixels, members, [at < 0 for at in pixels.maps], max(top, THIN))
+        return replace(flat, lowest=evidence.lowest)
     kind = min(fits, key=lambda name: fits[name].cost * (ROUND if name == "box" else 1.0))
     fit = fits[kind]
-    nowhere = np.zeros(3)
-    obj = SeenObject(kind, members, pixels.points[members], nowhere, 0.0, nowhere, fit.agreement)
+    obj = solid(kind, pixels, members, fit.parameters, fit.agreement)
     obj = replace(obj, floating=evidence.floating, lowest=evidence.lowest)
-    obj = _posed(obj, kind, fit.parameters)
     if (hollow := _hollow(frames, evidence, obj, fit)) is not None:
         return hollow
     if fit.agreement < 0.5 * GOOD or not _within(evidence, obj):
         # No solid that we know: the box about its points.
         yaw, middle, lengths = narrow_yaw(obj.points[:, :2], trim=0.5)
         lengths = np.maximum(lengths, THIN)
-        obj = _posed(obj, "other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
+        obj = obj.posed("other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
     return completed(frames, pixels, obj)
-
-
-def _sheet(
-    frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, evidence: FitEvidence, top: float
-) -> SeenObject:
-    """The object as one so flat, ``top`` metres, that free points beside it do not show its outline: the table does."""
-    table = [at < 0 for at in pixels.maps]
-    outline = footprint_of(frames, pixels, members, table, 0.5 * top)
-    nowhere = np.zeros(3)
-    obj = SeenObject(
-        "box",
-        members,
-        pixels.points[members],
-        nowhere,
-        0.0,
-        nowhere,
-        outline.agreement,
-        lowest=evidence.lowest,
-    )
-    heights = (max(top, THIN), 0.0)
-    if outline.round:
-        return _posed(obj, "cylinder", [*outline.middle, outline.lengths[0], *heights])
-    return _posed(obj, "box", [*outline.middle, outline.yaw, *outline.lengths, *heights])
 
 
 def _hollow(
@@ -155,20 +133,20 @@ def _hollow(
     """
     if fit.intrusion < INTRUDED and sees_into(frames, obj) and not crowded(obj):
         fit = evidence.fit(obj.kind, fit.parameters, filled=True)
-        return replace(_posed(obj, obj.kind, fit.parameters), agreement=fit.agreement, hollow=True)
+        return replace(obj.posed(obj.kind, fit.parameters), agreement=fit.agreement, hollow=True)
     if evidence.floating or (fit.agreement >= GOOD and fit.intrusion < INTRUDED):
         return None
     square = evidence.lengths.max() < 1.25 * evidence.lengths.min()
     kinds: list[Kind] = ["cylinder", "box"] if square else ["box"]
     found: list[SeenObject] = []
     for kind in kinds:
-        trial = _posed(obj, kind, evidence.start(kind))
+        trial = obj.posed(kind, evidence.start(kind))
         if not sees_into(frames, trial, share=0.8) or crowded(trial):
             continue
         # Where a rim was lost, rays beside what is left of it pass through the hollow, close to its walls.
         outer = replace(evidence, free=evidence.free[~within_walls(trial, evidence.free, RIM)])
         fit = outer.fit(kind, filled=True)
-        walls = replace(_posed(trial, kind, fit.parameters), agreement=fit.agreement, hollow=True)
+        walls = replace(trial.posed(kind, fit.parameters), agreement=fit.agreement, hollow=True)
         if fit.agreement >= GOOD and on_walls(walls):
             found.append(walls)
     # A wider box explains round walls too: the one that is like the outside must be clearly worse.
@@ -214,17 +192,3 @@ def _within(evidence: FitEvidence, obj: SeenObject) -> bool:
     reach = 0.5 * evidence.lengths.max() + 0.03
     near = np.abs(obj.centre[:2] - evidence.middle) < reach
     return bool((obj.extents >= 0.5 * THIN).all() and near.all())
-
-
-def _posed(obj: SeenObject, kind: Kind, parameters: Sequence[float] | FloatArray) -> SeenObject:
-    """The object as a solid with these parameters (see :data:`DISTANCES`)."""
-    yaw, (x, y, *sides) = 0.0, parameters
-    if kind == "sphere":
-        return replace(obj, kind=kind, centre=np.array([x, y, sides[0]]), extents=np.full(3, abs(sides[1])))
-    *sides, top, bottom = sides
-    if kind == "cylinder":
-        width = depth = abs(sides[0])
-    else:
-        yaw, width, depth = upright_rectangle(*sides)
-    centre, extents = np.array([x, y, 0.5 * (top + bottom)]), np.array([width, depth, top - bottom])
-    return replace(obj, kind=kind, centre=centre, yaw=yaw, extents=extents)

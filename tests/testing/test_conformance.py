@@ -23,9 +23,7 @@ from gvla2.testing.inputs import RED, TABLE, ball, scene, views
 OWN = {
     ("prior", "file"): "prior.path=",
     ("prior", "vggt"): "pip install",
-    ("reconstructor", "fast_sam3d"): "reconstructor.checkout=",
     ("reconstructor", "mv_sam3d"): "reconstructor.checkout=",
-    ("reconstructor", "sam3d"): "reconstructor.checkout=",
     ("reconstructor", "result_tree"): "reconstructor.root=",
     ("camera", "realsense"): "camera.calibration=",
     ("camera", "replay"): "camera.path=",
