@@ -109,7 +109,7 @@ def _remainder(obj: SceneObject, points: FloatArray, known: Sequence[Recognised]
 def _two(
     gallery: Gallery, points: FloatArray, rgb: FloatArray, sights: Sights, table: float
 ) -> list[tuple[Recognised, NDArray[np.bool_]]]:
-    """Two known objects that touch and together explain a body's points (N, 3), and the points (N,) of each; or none."""
+    """Two known objects that touch and together explain a body: points (N, 3), and which (N,) are of each; or none."""
     plan = spread(points)[:, :2]
     middle = plan.mean(axis=0)
     along = np.linalg.svd(plan - middle, full_matrices=False)[2][0] * plan.std()
