@@ -124,7 +124,7 @@ def _doubtful(bank: OpenBank, limit: int | None, but: str) -> list[StoredEpisode
     """
     with bank.store.reading(bank.bank) as view:
         records = view.records(["provisional", "active"])
-        contested = view.conflicts({record.id for record in records})
+        contested = view.conflicts()
         least, listed = bank.options.replay_confidence, dict[str, None]()
         for one in sorted(records, key=lambda one: (one.confidence, one.updated, one.id)):
             if one.state == "provisional" or one.id in contested or one.confidence < least:
