@@ -47,8 +47,6 @@ from gvla2.memory.store import Store, resolved_address
 from gvla2.memory.view import Problem, audit
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
-JUDGED, REPLAYED = 16, 1
-"""Maximum number of pairs of lessons that a judge decides after each episode, and of episodes verified again."""
 
 
 @dataclass(frozen=True)
@@ -145,9 +143,9 @@ class KnowledgeBank(OpenBank, Closing):
         with self._lock:
             learned = learn(self, episode, verdict)
             if self._judge is not None and self.options.governance:
-                review.judge(self, self._judge, about=learned.added, limit=JUDGED)
+                review.judge(self, self._judge, learned.added)
             if self._verifier is not None and self.options.replay:
-                review.replay(self, self._verifier, limit=REPLAYED, but=episode.source)
+                review.replay(self, self._verifier, but=episode.source)
             return learned
 
     def admit(
