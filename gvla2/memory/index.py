@@ -36,9 +36,6 @@ class Index:
         self._candidates: dict[tuple[str, ...], Candidates] = {}
         self._made: list[tuple[Record, NDArray[np.float32]]] = []
 
-    def __len__(self) -> int:
-        return len(self._held)
-
     def clear(self) -> None:
         """Forget everything: the next refresh reads the whole bank."""
         self.rev = 0
