@@ -26,6 +26,8 @@ REASONS: Mapping[str, Abstention] = {
     "unclear": Abstention("ambiguous", "It is not clear which object is meant."),
     "impossible": Abstention("other", "No skill does what the instruction asks for."),
 }
+KEYWORDS = {"theme", "goal", "relation", "direction", "amount"}
+"""Optional names of a call's arguments; their values show what they are."""
 MAX_CALLS, MAX_CHARACTERS = 12, 4000
 MAX_NUMBER = 1e4
 """Largest number in a program, millimetres."""
@@ -43,19 +45,24 @@ def read_calls(text: str, ids: Mapping[str, str], skills: Mapping[str, Skill]) -
 
     Raises :class:`ValueError` with a sentence for the program's author, and :class:`Declined` if it declines.
     """
+    if len(text) > MAX_CHARACTERS:
+        raise ValueError(f"It has {len(text)} characters; {MAX_CHARACTERS} are enough for any program.")
+    fenced = re.search(r"```(?:\w+)?\n(.*?)```", text, re.DOTALL)
+    code = (fenced.group(1) if fenced else text).strip()
     try:
-        statements = ast.parse(_IN.sub("'in'", code_in(text))).body
+        statements = ast.parse(_IN.sub("'in'", code)).body
     except (SyntaxError, MemoryError) as error:
         raise ValueError(f"It is not a program: {error}.") from None
     calls: list[SkillCall] = []
     for statement in statements:
         match statement:
             case ast.Expr(value=ast.Call(func=ast.Name(id=name)) as call):
-                given = [_value(argument) for argument in call.args]
+                if strange := {str(word.arg) for word in call.keywords} - KEYWORDS:
+                    raise ValueError(f"{name}(...) does not take {', '.join(sorted(strange))}.")
+                given = [_value(a) for a in (*call.args, *(word.value for word in call.keywords))]
                 if name == DECLINE:
                     raise Declined(REASONS.get(str(given[0]) if given else "", REASONS["impossible"]))
-                named = {str(keyword.arg): _value(keyword.value) for keyword in call.keywords}
-                calls.append(_call(name, given, named, ids, skills))
+                calls.append(_call(name, given, ids, skills))
             case _:
                 raise ValueError(f"'{ast.unparse(statement)[:80]}' is not a call of a skill.")
         if len(calls) > MAX_CALLS:
@@ -63,14 +70,6 @@ def read_calls(text: str, ids: Mapping[str, str], skills: Mapping[str, Skill]) -
     if not calls:
         raise ValueError("The program calls no skill.")
     return tuple(calls)
-
-
-def code_in(text: str) -> str:
-    """The program in an answer: the content of its code fence, else all of it; :class:`ValueError` if too long."""
-    if len(text) > MAX_CHARACTERS:
-        raise ValueError(f"It has {len(text)} characters; {MAX_CHARACTERS} are enough for any program.")
-    fenced = re.search(r"```(?:\w+)?\n(.*?)```", text, re.DOTALL)
-    return (fenced.group(1) if fenced else text).strip()
 
 
 def _value(node: ast.expr) -> str | float:
@@ -88,36 +87,28 @@ def _value(node: ast.expr) -> str | float:
 
 
 def _call(
-    skill: str,
-    given: Sequence[str | float],
-    named: Mapping[str, str | float],
-    ids: Mapping[str, str],
-    skills: Mapping[str, Skill],
+    skill: str, given: Sequence[str | float], ids: Mapping[str, str], skills: Mapping[str, Skill]
 ) -> SkillCall:
     if skill not in skills:
         raise ValueError(f"There is no skill '{skill}'; there are {', '.join(skills)}.")
     roles: list[str] = []
     fields: dict[str, Any] = {}
-    for keyword, value in [*(("", v) for v in given), *named.items()]:
-        if value in ids and keyword in ("", "theme", "goal"):
+    for value in given:
+        if value in ids:
             roles.append(ids[str(value)])
-        elif value in RELATIONS and value and keyword in ("", "relation", "how"):
+        elif value in RELATIONS and value:
             fields["relation"] = value
-        elif value in WAYS and keyword in ("", "direction"):
+        elif value in WAYS:
             fields["direction"] = WAYS[str(value)]
-        elif isinstance(value, float) and keyword in ("", "amount", "by"):
+        elif isinstance(value, float):
             fields["amount"] = 1e-3 * value
-        elif keyword:
-            raise ValueError(f"{skill}(...) does not take {keyword}={value!r}.")
         else:
             raise ValueError(f"In {skill}(...) '{value}' is not among the objects: {', '.join(ids)}.")
-    if not 1 <= len(roles) <= 2:
-        raise ValueError(
-            f"{skill} takes one object, and a goal where it leads somewhere; it got {len(roles)}."
-        )
-    if len(roles) == 2 and skills[skill].role("goal") is None:
-        raise ValueError(f"{skill} takes one object and no goal.")
-    return SkillCall(skill, roles[0], roles[1] if len(roles) == 2 else "", **fields)
+    most = 1 if skills[skill].role("goal") is None else 2
+    if not 1 <= len(roles) <= most:
+        takes = "one object and no goal" if most == 1 else "one object, and a goal where it leads somewhere"
+        raise ValueError(f"{skill} takes {takes}; it got {len(roles)}.")
+    return SkillCall(skill, *roles, **fields)
 
 
 def fitting(request: PlanRequest, skills: Mapping[str, Skill], brief: SceneBrief) -> Fitting:

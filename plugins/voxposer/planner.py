@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.language import LanguageModel
 from gvla2.planning.contracts import Plan, PlanRequest
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
 
 
-MOST_VOXELS = 400_000
-"""About half a second for one path."""
 FINER = 4
 """Refinement factor of the search for a peak, applied twice."""
 AT_HAND = 0.02
@@ -45,13 +42,8 @@ class VoxelGrid:
 
     @classmethod
     def over(cls, box: Box, size: float) -> VoxelGrid:
-        """The grid that covers a box; raises :class:`ConfigurationError` for too many voxels to search."""
+        """The grid that covers a box."""
         shape = np.maximum(np.ceil((box.high - box.low) / size - 1e-9).astype(int), 1)
-        if int(np.prod(shape)) > MOST_VOXELS:
-            raise ConfigurationError(
-                f"Voxels of {size} m make a grid of {int(np.prod(shape))} over the workspace, more than "
-                f"{MOST_VOXELS}; choose larger ones."
-            )
         x, y, z = (int(n) for n in shape)
         return cls(np.asarray(box.low, dtype=np.float64), size, (x, y, z))
 

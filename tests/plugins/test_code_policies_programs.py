@@ -38,7 +38,7 @@ def test_programs_make_calls(program, calls):
     ("program", "why"),
     [
         ("pick(red)\n" * 13, "12 calls"), ("#" * 5000, "characters"), ("", "calls no skill"),
-        ("pick(red, blue)", "no goal"), ("place(red, blue, red)", "got 3"), ("pick()", "got 0"),
+        ("pick(red, blue)", "no goal; it got 2"), ("place(red, blue, red)", "got 3"), ("pick()", "got 0"),
         ("pick(red, speed=3)", "does not take"), ("pick(*[red])", "cannot be an argument"),
         ("fly(red)", "no skill 'fly'"), ("open('/etc/passwd')", "not among the objects"),
     ],

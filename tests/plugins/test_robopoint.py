@@ -10,8 +10,7 @@ from gvla2.errors import PlanningError
 from gvla2.skills.table import STANDARD
 from gvla2.testing import check_component, check_planner, inputs
 from gvla2_plugins.robopoint import RoboPointConfig, gvla2_planners
-from gvla2_plugins.robopoint.planner import PointingTask, read_task
-from gvla2_plugins.robopoint.pointing import MAX_POINTS, read_points, sight, view_of
+from gvla2_plugins.robopoint.planner import MAX_POINTS, PointingTask, read_points, read_task, sight, view_of
 from tests.local_model import LocalModel, said
 from tests.plugins import scripted_planners
 from tests.plugins.scripted_planners import ScriptedPlanner, passes
