@@ -11,9 +11,8 @@ from gvla2.planning.colours import colour_distance
 from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest
 from gvla2.planning.part_hierarchy import button_of, is_ajar, knob_of, root_of
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.carry_out import carry_out
+from gvla2.skills.carry_out import carry_out, is_container
 from gvla2.skills.grounding import Meant, meant, turned
-from gvla2.skills.multi_step import is_container
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.grounding import Context, UngroundedError, ground, section, several

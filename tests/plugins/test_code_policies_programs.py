@@ -8,8 +8,7 @@ import pytest
 from gvla2.planning.scene_brief import scene_brief
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.planner import worked_examples
-from gvla2_plugins.code_policies.programs import Declined, fitting, grammar, read_calls
+from gvla2_plugins.code_policies.planner import Declined, fitting, grammar, read_calls, worked_examples
 
 REQUEST = inputs.plan_request()
 FITS = fitting(REQUEST, STANDARD, scene_brief(REQUEST.scene))

@@ -328,8 +328,6 @@ def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(senten
     assert all(w.gripper == 0.0 for w in made.trajectory)
 
 
-
-
 def drawer(xy=(0.30, 0.15)):
     return (
         named("c", "azure cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),

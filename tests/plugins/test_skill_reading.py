@@ -16,8 +16,8 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Box, PartJoint, Scene, SceneObject
+from gvla2.skills.carry_out import first_part
 from gvla2.skills.grounding import Meant, meant
-from gvla2.skills.multi_step import first_part
 from gvla2_plugins.skill.planner import read
 from gvla2_plugins.skill.reading import Command, readings
 from gvla2_plugins.tabletop import gvla2_tasks

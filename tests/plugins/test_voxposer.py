@@ -9,8 +9,7 @@ import pytest
 from gvla2.geometry.transform import rigid
 from gvla2.testing import check_component, check_planner, inputs
 from gvla2_plugins.voxposer import VoxPoserConfig, gvla2_planners
-from gvla2_plugins.voxposer.maps import read_program
-from gvla2_plugins.voxposer.planner import stops
+from gvla2_plugins.voxposer.planner import read_program, stops
 from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
