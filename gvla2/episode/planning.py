@@ -79,7 +79,7 @@ class PlannerWithFallback:
         if not report.passed:
             rejected = f"plan was rejected ({'; '.join(report.reasons)})"
             try:
-                again = self._ask(record, author, report.reasons, first)
+                again = self._ask(record, author, report.reasons)
             except _FAILED as error:
                 if other is None:
                     raise
@@ -122,13 +122,7 @@ class PlannerWithFallback:
         plan = replace(plan, fallback=fallback.name, transcript=(*earlier, *plan.transcript))
         return _noted(replace(record, plan=plan), note)
 
-    def _ask(
-        self,
-        record: EpisodeRecord,
-        asked: NamedPlanner,
-        rejections: tuple[str, ...] = (),
-        rejected: Plan | None = None,
-    ) -> Plan:
+    def _ask(self, record: EpisodeRecord, asked: NamedPlanner, rejections: tuple[str, ...] = ()) -> Plan:
         seen = record.seen
         request = PlanRequest(
             instruction=record.instruction,
@@ -140,7 +134,6 @@ class PlannerWithFallback:
             advice=advice_for(record, self.skills),
             rejections=rejections,
             skills=self.skills,
-            rejected=rejected,
         )
         return ask(asked.planner, request, asked.name, self.seconds)
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from gvla2.skills.grounding import (
     meant,
     no_room,
     nonsense,
+    still_held,
     turned,
     unaimed,
     unknown,
@@ -59,13 +61,17 @@ def carry_out(calls: Sequence[SkillCall], request: PlanRequest, options: SkillOp
     for call in program:
         if (refusal := nonsense(call, request.scene, skills)) is not None:
             return Plan(None, call.skill, {"theme": call.theme}, abstention=refusal, options=options)
+    for call, following in pairwise(program):
+        if (refusal := still_held(call, following, request.scene)) is not None:
+            return Plan(None, call.skill, {"theme": call.theme}, abstention=refusal, options=options)
     part = first_part(program, request.scene)
+    calls_of_part = [call for call, _ in part]
     plan = (
-        _one(part.calls[0], request, options, skills)
-        if len(part.calls) == 1
-        else all_in_one(part, request, lambda c, now, share: _one(c, now, options, skills, share))
+        _one(calls_of_part[0], request, options, skills)
+        if len(part) == 1
+        else all_in_one(calls_of_part, request, lambda c, now, share: _one(c, now, options, skills, share))
     )
-    done = sum(part.took[: len(plan.calls)]) if plan.calls else len(program)
+    done = sum(count for _, count in part[: len(plan.calls)]) if plan.calls else len(program)
     return replace(plan, calls=program[:done], remaining=program[done:], options=options)
 
 
@@ -257,41 +263,28 @@ def varied(
     return changed, notes
 
 
-MOST = 3
+MOST_OBJECTS = 3
 """Most objects in one trajectory: it has at most 20 waypoints, and each object takes six."""
 WIDE = 0.06
 """A container's opening is wider than this, metres, so that objects fit side by side."""
 INTO = ("", "on", "in", "to")
 
 
-@dataclass(frozen=True)
-class Part:
-    """Calls that make one plan. Each merges ``took`` calls of the program; its ``shares`` (k, n) say that it is the
-    k-th of n calls with its goal.
+def first_part(program: Sequence[SkillCall], scene: Scene) -> list[tuple[SkillCall, int]]:
+    """The calls that make the first plan of a program whose skills and objects all exist, each with the number of the
+    program's calls that it merges.
     """
-
-    calls: tuple[SkillCall, ...]
-    took: tuple[int, ...]
-    shares: tuple[tuple[int, int], ...]
-
-
-def first_part(program: Sequence[SkillCall], scene: Scene) -> Part:
-    """The first part of a program whose skills and objects all exist."""
-    calls: list[SkillCall] = []
-    took: list[int] = []
+    found: list[tuple[SkillCall, int]] = []
     at = 0
-    while at < len(program) and len(calls) < MOST:
+    while at < len(program) and len(found) < MOST_OBJECTS:
         call, count = _merged(program[at:], scene)
-        if calls and not _goes_along(call, calls, scene):
+        if found and not _goes_along(call, [c for c, _ in found], scene):
             break
-        calls.append(call)
-        took.append(count)
+        found.append((call, count))
         at += count
         if not _fills(call, scene):
             break
-    goals = [c.goal for c in calls]
-    shares = tuple((goals[:k].count(g), goals.count(g)) if g else (0, 1) for k, g in enumerate(goals))
-    return Part(tuple(calls), tuple(took), shares)
+    return found
 
 
 def _merged(rest: Sequence[SkillCall], scene: Scene) -> tuple[SkillCall, int]:
@@ -337,8 +330,8 @@ def is_container(obj: SceneObject) -> bool:
 PlanOne = Callable[[SkillCall, PlanRequest, tuple[int, int]], Plan]
 
 
-def all_in_one(part: Part, request: PlanRequest, plan_one: PlanOne) -> Plan:
-    """One plan for the calls of a part; a refusal by ``plan_one`` refuses all.
+def all_in_one(calls: Sequence[SkillCall], request: PlanRequest, plan_one: PlanOne) -> Plan:
+    """One plan for several calls; a refusal by ``plan_one`` refuses all.
 
     Calls that do not fit in the longest trajectory, or that are feasible only from the arm's first pose, are left out:
     the plan's ``calls`` are those in it.
@@ -346,13 +339,15 @@ def all_in_one(part: Part, request: PlanRequest, plan_one: PlanOne) -> Plan:
     waypoints: list[Waypoint] = []
     now, last, done = request, Plan(None), 0
     notes: list[str] = []
-    for call, share in zip(part.calls, part.shares, strict=True):
+    goals = [call.goal for call in calls]
+    for k, call in enumerate(calls):
+        share = (goals[:k].count(call.goal), goals.count(call.goal))
         plan = plan_one(call, now, share)
         if plan.trajectory is None:
             rested = replace(now, start=request.start, joints=request.joints)
             if done and plan_one(call, rested, share).trajectory is not None:
                 break
-            return replace(plan, calls=part.calls)
+            return replace(plan, calls=tuple(calls))
         more = brief(plan.trajectory)
         if done and len(waypoints) + len(more) > MAX_WAYPOINTS:
             break
@@ -362,13 +357,13 @@ def all_in_one(part: Part, request: PlanRequest, plan_one: PlanOne) -> Plan:
         now = after(now.scene[plan.roles["theme"]], plan.trajectory, now)
     if done == 1:
         return last
-    roles = {f"theme_{k + 1}": call.theme for k, call in enumerate(part.calls[:done])}
+    roles = {f"theme_{k + 1}": call.theme for k, call in enumerate(calls[:done])}
     return replace(
         last,
         trajectory=Trajectory(tuple(waypoints)),
         roles={**last.roles, **roles},
         notes=tuple(notes),
-        calls=part.calls[:done],
+        calls=tuple(calls[:done]),
     )
 
 

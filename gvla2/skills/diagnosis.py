@@ -37,6 +37,8 @@ HOOK_MARGIN = 0.005
 """Change of the depth of a hook, metres."""
 PULL_TOLERANCE, PULL_MARGIN = 0.02, 0.05
 """Tolerance of a pull, and the largest change of its distance after one failure, metres."""
+PUSH_TOLERANCE = 0.01
+"""Tolerance of a push, metres from the goal's centre."""
 IN_PLACE = 0.02
 """An object found this close to its earlier place has not moved, metres."""
 HELD_FAST = 0.01
@@ -141,10 +143,29 @@ def of_press(outcome: Outcome) -> Signal | None:
     return Signal("undershoot", "the button was not pressed until its lamp was lit", deeper)
 
 
+def of_push(outcome: Outcome) -> Signal | None:
+    """An object that was pushed past the goal, or not up to it: the error along the push corrects the overshoot."""
+    goal, later = outcome.goal, outcome.later(outcome.theme.id)
+    if goal is None or later is None:
+        return None
+    way = (goal.centre - outcome.theme.centre)[:2]
+    length = float(np.linalg.norm(way))
+    if length < 1e-6:
+        return None
+    along = float((later.centre - goal.centre)[:2] @ way) / length
+    if abs(along) <= PUSH_TOLERANCE:
+        return None
+    bound = outcome.changed("push_overshoot", -along, "<=" if along > 0 else ">=")
+    if along > 0:
+        return Signal("overshoot", "the object was pushed past the goal", bound)
+    return Signal("undershoot", "the object was not pushed as far as the goal", bound)
+
+
 DIAGNOSE: Mapping[str, Callable[[Outcome], Signal | None]] = {
     "open": of_open,
     "pull": of_pull,
     "twist": of_twist,
     "press": of_press,
+    "push": of_push,
 }
-"""What went wrong with a standard skill, by its name; picking, placing and pushing only by the episode's report."""
+"""What went wrong with a standard skill, by its name; picking and placing are diagnosed by the episode's report."""

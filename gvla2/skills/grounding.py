@@ -263,6 +263,17 @@ def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abst
     return Abstention("other", message) if message else wrong_parameters(call.theta, skills, call.skill)
 
 
+def still_held(call: SkillCall, following: SkillCall, scene: Scene) -> Abstention | None:
+    """The refusal of a call that would begin with another object in the hand: the one of the call before it."""
+    what, theme = meant(call, scene), scene[call.theme]
+    taken = isinstance(what, Meant) and what.skill in ("pick", "twist", "draw") and theme.joint is None
+    put = call.goal or call.xy is not None or call.direction is not None
+    if not taken or put or root_of(scene[following.theme], scene) is root_of(theme, scene):
+        return None
+    message = f"The {theme.label} would still be in the hand; ask for one at a time."
+    return Abstention("other", message)
+
+
 def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
     """The refusal of a missing, superfluous or wrong goal or amount; ``skill`` is what the call means for its theme."""
     role, message = skill.role("goal"), ""

@@ -79,7 +79,7 @@ _SKILLS = (
         scaled={"grasp_depth": "height"}, free=True, whole=True,
     ),
     _standard(
-        "push", "standoff", "push_height", "push_overshoot", diagnosed=False,
+        "push", "standoff", "push_height", "push_overshoot",
         description="push an object along the table to the goal, to xy, or by an amount in a direction",
         roles=(
             Role("theme", "what is pushed"),

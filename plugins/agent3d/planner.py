@@ -17,7 +17,7 @@ from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.programs import adapted, remembered, waypoints_program
 from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.skills.model_planning import ask_for_plan, instruction_in, nothing_to_ask, rejected_answer
+from gvla2.skills.model_planning import ask_for_plan, instruction_in, nothing_to_ask, rejection
 from gvla2.skills.path_lifting import MOST_POINTS, PathPoint, lift
 from gvla2_plugins.agent3d import Agent3dConfig
 
@@ -56,7 +56,7 @@ class Agent3d:
         names, most = list(brief.ids), max((len(steps) + 1 for _, steps in known), default=MOST_POINTS)
         return ask_for_plan(
             self._language,
-            [*messages(request, brief, known), *rejected_answer(request, brief)],
+            messages(request, brief, known),
             lambda text: self._lifted(read_steps(text, brief.ids), brief, request),
             named=lambda reason: brief.named(reason, request.scene),
             tries=config.tries,
@@ -112,7 +112,10 @@ def messages(request: PlanRequest, brief: SceneBrief, known: Sequence[Shown]) ->
             {"role": "user", "content": _question(seen, task)},
             {"role": "assistant", "content": answer},
         ]
-    words = filter(None, (remembered(request.advice.text), _question(objects, instruction_in(request))))
+    before = rejection(request, lambda reason: brief.named(reason, request.scene))
+    words = filter(
+        None, (remembered(request.advice.text), before, _question(objects, instruction_in(request)))
+    )
     return [*asked, {"role": "user", "content": "\n".join(words)}]
 
 

@@ -29,7 +29,7 @@ from gvla2.skills.model_planning import (
     ask_for_plan,
     instruction_in,
     nothing_to_ask,
-    rejected_answer,
+    rejection,
 )
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.code_policies import CodePoliciesConfig
@@ -75,7 +75,7 @@ class CodePolicies:
         if not fits:
             nothing = Abstention("nothing_matches", "The scene has no object to which a skill applies.")
             return Plan(None, abstention=nothing)
-        asked = [*messages(request, skills, fits, brief, config.programs), *rejected_answer(request, brief)]
+        asked = messages(request, skills, fits, brief, config.programs)
         return ask_for_plan(
             self._language,
             asked,
@@ -107,10 +107,11 @@ def messages(
     blocks = [_block(e.objects, e.instruction, e.call) for e in examples]
     if memory := _remembered(request, brief, programs):
         blocks.append(memory)
+    blocks.append(rejection(request, lambda reason: brief.named(reason, request.scene)))
     blocks.append(_block(brief.text, instruction_in(request), ""))
     return [
         {"role": "system", "content": "\n".join([BEGIN, *table, HOW_TO_DECLINE, END])},
-        {"role": "user", "content": "\n\n".join(blocks)},
+        {"role": "user", "content": "\n\n".join(filter(None, blocks))},
     ]
 
 
