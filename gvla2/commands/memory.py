@@ -219,12 +219,14 @@ def verify(request: MemoryRequest) -> Answer:
 
 def import_records(request: MemoryRequest) -> Answer:
     """Read JSON lines; the exit status is 1 when lines could not be read (the others are stored)."""
+    from gvla2.memory.transfer import import_jsonl
+
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
     if not os.path.exists(path):  # noqa: PTH110  # too long names; before a database is made for nothing
         raise MemoryStoreError(f"There is nothing at {path}. Give a .jsonl file.")
     with request.knowledge_bank(create=True) as bank:
-        done = bank.import_(path, trusted=config.trusted)
+        done = import_jsonl(bank, path, trusted=config.trusted)
     new = count(len(done.added) + len(done.held_back), "record")
     lines = [f"New in the bank '{config.bank}': {new}; known already: {done.known}."]
     if done.held_back:
@@ -276,7 +278,7 @@ def _confirmed() -> bool:
 VERBS: Mapping[str, tuple[Callable[[MemoryRequest], Answer], Mapping[str, str | None], Sequence[str]]] = {
     "list": (list_records, {}, ("limit=20",)),
     "show": (show, {"ID": None}, ()),
-    "search": (search, {"WORDS": "+"}, ("retriever=semantic", "embedder=minilm", "limit=20")),
+    "search": (search, {"WORDS": "+"}, ("retriever={name: hybrid, top_k: 9}", "embedder=minilm", "limit=20")),
     "verify": (verify, {}, ("head=SEQ:HASH",)),
     "import": (import_records, {"PATH": None}, ("trusted=true",)),
     "export": (export, {"PATH": None}, ()),

@@ -229,24 +229,15 @@ def confirmed(record: Record, fresh: Record, episode: MemoryEpisode, verdict: Ve
     )
 
 
-def counted(record: Record, episode: MemoryEpisode) -> bool:
-    """Whether the record already rests on the episode, which counts only once."""
-    return bool(episode.source) and clean(episode.source, 200) in record.sources()
-
-
 def warns(record: Record) -> bool:
     """Whether a record is a constraint that a verified failure supports."""
     return record.outcome == "verified_fail" and record.type == "failure_avoidance"
 
 
-def support(record: Record) -> float:
-    """Quality R of what a record says, in [0, 1]: the worse its episode, the better a constraint."""
-    return 1.0 - record.quality if warns(record) else record.quality
-
-
 def evidence(record: Record) -> float:
-    """The evidence for a record: its support times its episodes."""
-    return round(support(record) * max(record.count, 1), 6)
+    """The evidence for a record: quality R times its episodes; the worse its episode, the better a constraint."""
+    support = 1.0 - record.quality if warns(record) else record.quality
+    return round(support * max(record.count, 1), 6)
 
 
 def standing(record: Record) -> tuple[int, float, float, str]:

@@ -11,17 +11,17 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import WrongTypeError
 from gvla2.io.database_url import Closing
+from gvla2.memory import review
 from gvla2.memory.candidates import Candidates
 from gvla2.memory.contracts import (
     Embedder,
@@ -45,10 +45,6 @@ from gvla2.memory.rendering import item_of, render
 from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
 from gvla2.memory.store import Store, resolved_address
 from gvla2.memory.view import Problem, audit
-
-if TYPE_CHECKING:  # a recall does not wait for the modules that judge again
-    from gvla2.memory.review import Judged, Replayed
-    from gvla2.memory.transfer import Imported
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
 JUDGED, REPLAYED = 16, 1
@@ -113,7 +109,7 @@ class KnowledgeBank(OpenBank, Closing):
             if not len(candidates):
                 return MemoryContext(abstained=f"The bank '{self.bank}' holds no verified knowledge yet.")
             ranked, reason = self._retriever.rank(asked, candidates, vector)
-            items = tuple(item_of(candidates.record(rank.row), rank) for rank in ranked)
+            items = tuple(item_of(candidates.record(one.row), one.score, one.terms) for one in ranked)
             if not items:
                 return MemoryContext(abstained=reason or "The retriever found nothing reliable.")
             return MemoryContext(items, render(items, self.options.max_chars))
@@ -142,16 +138,16 @@ class KnowledgeBank(OpenBank, Closing):
             episode = MemoryEpisode(_task(episode), given, str(verdict), context, source)
             verdict = _reported(success)
         if not isinstance(verdict, Verdict):
-            raise WrongTypeError("An episode needs its Verdict: bank.learn(episode, verdict).")
+            raise TypeError("An episode needs its Verdict: bank.learn(episode, verdict).")
         if self.options.frozen:
             frozen = "The bank is frozen: nothing was learned."
             return Learned(discarded=len(episode.lessons), notes=(frozen,))
         with self._lock:
             learned = learn(self, episode, verdict)
-            if self._judge is not None:
-                self.judge(self._judge, about=learned.added, limit=JUDGED)
-            if self._verifier is not None:
-                self.replay(self._verifier, limit=REPLAYED, but=episode.source)
+            if self._judge is not None and self.options.governance:
+                review.judge(self, self._judge, about=learned.added, limit=JUDGED)
+            if self._verifier is not None and self.options.replay:
+                review.replay(self, self._verifier, limit=REPLAYED, but=episode.source)
             return learned
 
     def admit(
@@ -169,49 +165,9 @@ class KnowledgeBank(OpenBank, Closing):
         as for the user's own episodes, and serves as verdict if none is given.
         """
         given = verdict or _reported(True if trusted else None)
-        return self.admit_many([(_lesson(lesson), given, task, source)], trusted=trusted)
-
-    def admit_many(
-        self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]], *, trusted: bool = False
-    ) -> Learned:
-        """Add many lessons, each with its verdict, task and source ("" for none); see :meth:`admit`.
-
-        Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
-        """
-        judged = [
-            JudgedEpisode.lesson(lesson, verdict, _task(task), source, own=trusted)
-            for lesson, verdict, task, source in items
-        ]
+        judged = JudgedEpisode.lesson(_lesson(lesson), given, _task(task), source, own=trusted)
         with self._lock:
-            return admit(self, judged)
-
-    def judge(
-        self, judge: Judge, *, about: Collection[str] | None = None, limit: int | None = None
-    ) -> Judged:
-        """Let ``judge`` decide which similar lessons in words contradict each other.
-
-        It gets at most ``limit`` pairs with a record in ``about`` (all by default). Of two that contradict each other,
-        the less trusted, else the one with less evidence, is archived. Without governance nothing is judged.
-        """
-        from gvla2.memory import review
-
-        if not self.options.governance:
-            return review.Judged()
-        with self._lock:
-            return review.judge(self, judge, about=about, limit=limit)
-
-    def replay(self, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
-        """Verify doubtful episodes again, and promote or demote their lessons accordingly.
-
-        At most ``limit`` episodes, the least certain first, except that of the source ``but``. A verifier that is
-        unavailable changes nothing.
-        """
-        from gvla2.memory import review
-
-        if not self.options.replay:
-            return review.Replayed()
-        with self._lock:
-            return review.replay(self, verifier, limit=limit, but=but)
+            return admit(self, [judged])
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False if there is none."""
@@ -248,15 +204,9 @@ class KnowledgeBank(OpenBank, Closing):
             return audit(view, head)
 
     def stats(self) -> dict[str, Any]:
-        """Numbers about the bank."""
-        return self.store.stats(self.bank)
-
-    def import_(self, path: str | Path, *, trusted: bool = False, source: str = "import") -> Imported:
-        """Admit the lessons of a file of :meth:`export`; provisional unless ``trusted``, as your own export."""
-        from gvla2.memory.transfer import import_jsonl
-
-        with self._lock:
-            return import_jsonl(self, Path(path), trusted=trusted, source=source)
+        """Numbers about the bank: records by state and type, links, events, episodes, rev, head of the chain."""
+        with self.store.reading(self.bank) as view:
+            return view.counts()
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
@@ -279,17 +229,11 @@ class KnowledgeBank(OpenBank, Closing):
 
 
 def _task(task: MemoryTask | str) -> MemoryTask:
-    given = MemoryTask(task) if isinstance(task, str) else task
-    if not isinstance(given, MemoryTask):
-        raise WrongTypeError(f"A task is a sentence or a MemoryTask, not {task!r}.")
-    return given
+    return MemoryTask(task) if isinstance(task, str) else task
 
 
 def _lesson(lesson: Lesson | str) -> Lesson:
-    given = Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
-    if not isinstance(given, Lesson):
-        raise WrongTypeError(f"A lesson is a sentence or a Lesson, not {lesson!r}.")
-    return given
+    return Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
 
 
 def _reported(success: bool | None) -> Verdict:

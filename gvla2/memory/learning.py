@@ -18,7 +18,6 @@ from gvla2.errors import Gvla2Error
 from gvla2.memory.admission import (
     confirmed,
     conflict_of,
-    counted,
     credible,
     evidence,
     invalid,
@@ -40,12 +39,12 @@ from gvla2.memory.contracts import (
     Verdict,
 )
 from gvla2.memory.embedding import record_vectors
-from gvla2.memory.events import StoredEpisode
 from gvla2.memory.index import STATES, Index
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import MAX_QUERY, SECONDS_PER_DAY, Record, Trust, clean, dump
 from gvla2.memory.store import Store
+from gvla2.memory.tables import StoredEpisode
 from gvla2.memory.transaction import Transaction
 
 CHUNK = 256
@@ -282,7 +281,7 @@ class Learning:
                 return self._unchanged(known, why)
             self._store(fresh, "PROVISIONAL", fresh.note, vector)
             return Learned(provisional=(fresh.id,), notes=(f"{fresh.id} is provisional: {fresh.note}.",))
-        if known and known.state != "provisional" and counted(known, self._episode):
+        if known and known.state != "provisional" and self._episode.source in known.sources():
             if known.state == "archive":
                 return self._unchanged(known, "stays archived: it rests on this episode already")
             why = "already rests on this episode, which counts once"

@@ -110,10 +110,3 @@ class HybridOptions:
             if getattr(self.weights, name) == 0:
                 why = "is 0, and S divides by it: give a positive one"
                 raise ConfigurationError(f"The weight '{name}' of the retriever {why}.")
-
-
-@dataclass(kw_only=True)
-class SemanticOptions:
-    """Options of :class:`gvla2.memory.retrieval.SemanticRetriever`: the most it returns."""
-
-    top_k: int = 3

@@ -11,10 +11,10 @@ from itertools import islice
 
 from gvla2.memory.admission import conflict_of, credible, pooled_quality, standing, verdict_of, weigh
 from gvla2.memory.contracts import Evidence, Judge, Lesson, LessonPair, Verdict, Verifier
-from gvla2.memory.events import StoredEpisode
 from gvla2.memory.learning import LessonLedger, OpenBank, deciding
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import Record
+from gvla2.memory.tables import StoredEpisode
 from gvla2.memory.view import pairs_of
 
 BATCH = 16
@@ -101,7 +101,10 @@ class Replayed:
 
 
 def replay(bank: OpenBank, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
-    """Verify doubtful episodes again, at most ``limit``, except that of source ``but``."""
+    """Verify doubtful episodes again, and promote or demote their lessons accordingly.
+
+    At most ``limit`` episodes, except that of source ``but``. A verifier that is unavailable changes nothing.
+    """
     done = Replayed()
     for episode in _doubtful(bank, limit, but):
         shown = Evidence(episode.task.query, episode.transcript, episode.facts)

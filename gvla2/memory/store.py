@@ -25,7 +25,7 @@ from sqlalchemy.pool import QueuePool
 
 from gvla2.errors import ConfigurationError, MemoryStoreError, MissingDependencyError
 from gvla2.io.database_url import Closing, parsed
-from gvla2.memory.events import BANK, META, METADATA, SCHEMA_VERSION, TABLES
+from gvla2.memory.tables import BANK, META, METADATA, SCHEMA_VERSION, TABLES
 from gvla2.memory.transaction import Transaction
 from gvla2.memory.view import BankView
 
@@ -130,11 +130,6 @@ class Store(Closing, ABC):
         """Names of the banks ever written to."""
         with self._connection() as connection:
             return sorted(map(str, connection.execute(select(BANK.c.bank)).scalars()))
-
-    def stats(self, bank: str) -> dict[str, Any]:
-        """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain."""
-        with self.reading(bank) as view:
-            return view.counts()
 
     def compact(self) -> None:
         """Rewrite the database without deleted data, and free space."""

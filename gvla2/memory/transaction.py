@@ -16,7 +16,17 @@ from sqlalchemy import Connection, Row, Table, delete, insert, update
 from sqlalchemy.dialects import postgresql, sqlite
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.events import (
+from gvla2.memory.records import (
+    COLUMN_TYPES,
+    FORGOTTEN,
+    Record,
+    as_json,
+    clean,
+    damage_of,
+    dump,
+    load_object,
+)
+from gvla2.memory.tables import (
     BANK,
     EPISODE,
     EVENT,
@@ -29,16 +39,6 @@ from gvla2.memory.events import (
     digest_of,
     payload_digest,
     row_digest,
-)
-from gvla2.memory.records import (
-    COLUMN_TYPES,
-    FORGOTTEN,
-    Record,
-    as_json,
-    clean,
-    damage_of,
-    dump,
-    load_object,
 )
 from gvla2.memory.view import BankView, batches, valid_record
 

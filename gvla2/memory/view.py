@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from sqlalchemy import Connection, Row, Select, func, select
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.events import (
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, load_object
+from gvla2.memory.tables import (
     BANK,
     EPISODE,
     EVENT,
@@ -32,7 +33,6 @@ from gvla2.memory.events import (
     payload_digest,
     row_digest,
 )
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, load_object
 
 Wanted = Collection[str] | None
 """Names to select; None for all."""

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, check_rigid
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.contracts import GeometryEstimate
@@ -39,7 +39,6 @@ from gvla2.reconstruction.depth_samples import (
     surface_normals,
     with_corrected_normals,
 )
-from gvla2.reconstruction.sim3 import scale_between
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.view_set import ViewSet
 
@@ -271,6 +270,8 @@ _THROUGH = 4.0
 _DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5
 """Standard deviations behind a cap that refute a pixel; relative errors above are no noise; least number of caps."""
 _NODES = np.linspace(-3.0, 3.0, 25)
+_FLAT = 1e-6
+"""Below this share of the distance from the origin, a spread counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -439,6 +440,38 @@ def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
         return 1.0
     calibrated = np.stack([view.camera.world_from_camera for view in views])
     return scale_between(estimate.world_from_camera, calibrated) or 1.0
+
+
+def scale_between(estimated: FloatArray, calibrated: FloatArray) -> float | None:
+    """The scale of the similarity from a prior's cameras to the calibrated ones, by centres and axis points.
+
+    ``estimated`` and ``calibrated`` are world_from_camera (S, 4, 4). Each camera stands for
+    its centre and three points on its axes, one root mean square spread of the centres away, so that two or
+    collinear centres fix the rotation too; the axes say nothing about scale, which comes from the centres alone.
+    None when all centres coincide (one view, or a turning camera): depth must then be scaled by other means.
+    Raises :class:`GeometryError` for different numbers of cameras, or poses that are not rigid.
+    """
+    a, b = (np.asarray(x, dtype=np.float64) for x in (estimated, calibrated))
+    if a.ndim != 3 or len(a) == 0 or a.shape != b.shape:
+        raise GeometryError(
+            f"Cameras to align must both be (S, 4, 4) with S >= 1, got {a.shape} and {b.shape}."
+        )
+    a = np.stack([check_rigid(pose, f"Estimated camera {i}") for i, pose in enumerate(a)])
+    b = np.stack([check_rigid(pose, f"Calibrated camera {i}") for i, pose in enumerate(b)])
+    mean_a, mean_b = a[:, :3, 3].mean(axis=0), b[:, :3, 3].mean(axis=0)
+    centres_a, centres_b = a[:, :3, 3] - mean_a, b[:, :3, 3] - mean_b
+    spread_a, spread_b = (float(np.sqrt((c * c).sum(axis=1).mean())) for c in (centres_a, centres_b))
+    # Far from the origin, equal centres differ by rounding.
+    floor_a, floor_b = (_FLAT * max(float(np.abs(m).max()), 1e-6) for m in (mean_a, mean_b))
+    if spread_a <= floor_a or spread_b <= floor_b:
+        return None
+    # Axis points at one spread's distance, in units of the spread: centres and axes then weigh alike.
+    axes = np.einsum("sij,skj->ik", b[:, :3, :3], a[:, :3, :3])
+    u, _, vt = np.linalg.svd(axes + centres_b.T @ centres_a / (spread_a * spread_b))
+    # Of all proper rotations, the one with the largest trace of R^T times that.
+    rotation = (u * [1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))]) @ vt
+    scale = float(np.sum(centres_b * (centres_a @ rotation.T)) / (len(a) * spread_a**2))
+    return scale if scale > 0 else None
 
 
 def _first_scale(depth: FloatArray, front: FloatArray) -> float:

@@ -14,7 +14,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.episode.lessons import kept
 from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import masked_views, objects_of_interest
 from gvla2.errors import OutputError
@@ -29,6 +28,7 @@ from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
 from gvla2.record.scene_model import scene_glb
+from gvla2.record.transcript import kept
 from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)

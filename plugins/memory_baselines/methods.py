@@ -1,15 +1,25 @@
-"""The methods: what each keeps of an episode, without a language model, and how it shows entries to a planner."""
+"""The methods on a vector store: what each keeps of an episode, without a language model, and how it shows entries.
+
+An entry is one or several lessons that are kept, found and shown together (a workflow, an exemplar). They are
+records of a bank in the store, so they survive restarts, are shared by processes, and `gvla2 memory` shows them.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import re
 import time
 from abc import ABC, abstractmethod
+from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.memory.admission import confirmed, new_record
 from gvla2.memory.contracts import (
     Embedder,
     Inducer,
@@ -23,15 +33,14 @@ from gvla2.memory.contracts import (
 )
 from gvla2.memory.induction import MOST_ACTS, acts_of
 from gvla2.memory.late import LateMemory
-from gvla2.memory.records import Record
-from gvla2.memory.rendering import CLOSING, OPENING, effect_words, neutralised, render
+from gvla2.memory.records import Record, clean, dump
+from gvla2.memory.rendering import CLOSING, OPENING, effect_words, item_of, neutralised, render
 from gvla2.memory.store import Store
 from gvla2_plugins.memory_baselines import VectorStoreConfig
-from gvla2_plugins.memory_baselines.store import Draft, VectorStore
 
 FEWEST_STEPS, MOST_ITEMS = 2, 3
 """Minimum number of steps of a workflow, and maximum number of items of a task."""
-_LONGEST_LINE = 400
+LONGEST, _LONGEST_LINE = 100_000, 400
 _SENTENCE = re.compile(r"(?<=[.!?。！？])\s+|\n")
 _TITLE_WORDS = 8
 _PROGRAM = re.compile(r"\s*[./~]*[A-Za-z_][\w./+-]*(?=\s|$)")
@@ -47,11 +56,30 @@ Shown = tuple[str, Sequence[str]]
 """An entry as it is shown: its text, and notes on its values."""
 
 
+@dataclass(frozen=True)
+class Draft:
+    """An entry to be kept: its ``lessons``, the leading one first.
+
+    Drafts of the same ``key`` are one entry, whose evidence is pooled; "" makes a new entry each time.
+    """
+
+    lessons: tuple[Lesson, ...]
+    key: str = ""
+
+
+Entry = tuple[Record, ...]
+"""The records of an entry, its leading one first."""
+
+
 class WholeMethod(ABC):
-    """A memory on a vector store; a subclass says what it keeps of an episode, and how it shows entries."""
+    """A memory on a vector store; a subclass says what it keeps of an episode, and how it shows entries.
+
+    Not thread-safe, but safe for any number of processes. Methods raise :class:`~gvla2.errors.MemoryStoreError` when
+    the store cannot be used.
+    """
 
     of_content: ClassVar[bool] = False
-    """Whether entries are found by their content too, or only by their tasks."""
+    """Whether entries are found by "query content" of their leading lessons, or only by the mean of their queries."""
     title: ClassVar[str] = ""
 
     def __init__(
@@ -62,9 +90,11 @@ class WholeMethod(ABC):
         inducer: Inducer | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
-        self._config, self._inducer = config, inducer
-        store = Store.open(url, busy_seconds=config.busy_seconds)
-        self._entries = VectorStore(store, config.bank, embedder, of_content=self.of_content, clock=clock)
+        self._config, self._embedder, self._inducer, self._clock = config, embedder, inducer, clock
+        self.store = Store.open(url, busy_seconds=config.busy_seconds)
+        self._vectors: dict[str, NDArray[np.float32]] = {}  # by text: each is embedded once
+        self._entries: list[Entry] = []
+        self._rev = 0
 
     @classmethod
     def late(
@@ -83,8 +113,12 @@ class WholeMethod(ABC):
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """The most similar entries; an empty context that says why when there are none."""
-        nearest = self._entries.nearest(task.query, self._config.top_k)
-        found = [[_item(record, cosine) for record in entry] for entry, cosine in nearest if cosine > 0]
+        nearest = self.nearest(task.query, self._config.top_k)
+        found = [
+            [item_of(record, cosine, {"similarity": cosine}) for record in entry]
+            for entry, cosine in nearest
+            if cosine > 0
+        ]
         if not found:
             return MemoryContext(abstained=f"The bank '{self._config.bank}' has nothing similar.")
         return MemoryContext(tuple(item for items in found for item in items), self.show(found))
@@ -96,25 +130,69 @@ class WholeMethod(ABC):
         drafts, why = self.drafts(episode, verdict)
         if not drafts:
             return Learned(discarded=len(episode.lessons), notes=(why,))
-        added, grown = self._entries.add(drafts, episode, verdict, actor=self._config.name or "memory")
-        return Learned(added=tuple(added), merged=tuple(grown))
+        return self.add(drafts, episode, verdict)
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
-        self._entries.store.close()
+        self.store.close()
+
+    def nearest(self, text: str, k: int) -> list[tuple[Entry, float]]:
+        """The ``k`` most similar entries and the cosine of each with the text, in [-1, 1], best first; ties by name."""
+        self._refresh()
+        if not self._entries or k < 1:
+            return []
+        matrix = np.stack([self._vector(entry[0]) for entry in self._entries])  # (N, D)
+        cosines = matrix @ self._embedder.embed([clean(text, LONGEST)])[0]  # (N,)
+        best = np.argsort(-cosines, kind="stable")[:k]
+        return [(self._entries[row], float(cosines[row])) for row in best.tolist()]
+
+    def add(self, drafts: Sequence[Draft], episode: MemoryEpisode, verdict: Verdict) -> Learned:
+        """Store the drafts in one transaction; ids are the leading records' of new entries, and of grown ones."""
+        added, grown, bank = list[str](), list[str](), self._config.bank
+        with self.store.writing(bank, actor=self._config.name or "memory", now=self._clock()) as tx:
+            for number, draft in enumerate(drafts):
+                name = _digest(draft.key or dump([tx.rev, number]))
+                for place, lesson in enumerate(draft.lessons):
+                    about = str((lesson.effect or {}).get("parameter", ""))
+                    key = _digest(dump([name, lesson.type, lesson.content, about] if place else [name, 0]))
+                    short = replace(lesson, content=clean(lesson.content, LONGEST))
+                    record = new_record(bank, short, episode, verdict, tx.now, key=key)
+                    known = tx.by_key(key)
+                    if known is not None:
+                        record = tx.put(confirmed(known, record, episode, verdict, tx.now), action="merge")
+                    else:
+                        home = dump({**record.provenance_json(), "entry": name, "place": place})
+                        record = tx.put(replace(record, provenance=home), action="add")
+                    if place == 0:
+                        (grown if known else added).append(record.id)
+        return Learned(added=tuple(added), merged=tuple(grown))
+
+    def _refresh(self) -> None:
+        """Follow the store: new, changed, forgotten or archived entries."""
+        with self.store.reading(self._config.bank) as view:
+            if view.rev == self._rev:
+                return
+            records, self._rev = view.records(["active"]), view.rev
+        entries: dict[str, list[tuple[int, str, Record]]] = defaultdict(list)
+        for record in records:
+            home = record.provenance_json()
+            if "entry" in home:
+                entries[str(home["entry"])].append((int(home["place"]), record.id, record))
+        whole = [sorted(entry, key=lambda one: one[:2]) for _, entry in sorted(entries.items())]
+        # An entry exists as long as its leading record.
+        self._entries = [tuple(one[2] for one in entry) for entry in whole if entry[0][0] == 0]
+
+    def _vector(self, leading: Record) -> NDArray[np.float32]:
+        text = leading.text if self.of_content else leading.query
+        if text not in self._vectors:
+            rows = self._embedder.embed([text] if self.of_content else text.split("\n"))
+            total = rows.sum(axis=0, dtype=np.float64)
+            self._vectors[text] = (total / max(float(np.linalg.norm(total)), 1e-12)).astype(np.float32)
+        return self._vectors[text]
 
 
-def _item(record: Record, similarity: float) -> MemoryItem:
-    return MemoryItem(
-        id=record.id,
-        type=record.type,
-        content=record.content,
-        confidence=record.confidence,
-        score=similarity,
-        terms={"similarity": similarity},
-        binding=record.type == "failure_avoidance",
-        effect=record.effect_json(),
-    )
+def _digest(text: str) -> str:
+    return hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
 
 
 class Semantic(WholeMethod):
@@ -193,7 +271,7 @@ class Strategies(WholeMethod):
         lessons = usable[:MOST_ITEMS] or _from_transcript(episode, failed=failed)
         if not lessons:
             return [], "The episode has neither lessons nor a transcript."
-        items = tuple(Lesson(lesson.type, item_of(lesson.content), lesson.effect) for lesson in lessons)
+        items = tuple(Lesson(lesson.type, titled(lesson.content), lesson.effect) for lesson in lessons)
         return [Draft(items)], ""
 
     def show(self, entries: Sequence[Sequence[MemoryItem]]) -> str:
@@ -201,7 +279,7 @@ class Strategies(WholeMethod):
         return super().show([[item] for items in entries for item in items])
 
 
-def item_of(content: str) -> str:
+def titled(content: str) -> str:
     """A lesson as an item: title (what it is about), description (its first sentence) and content, a line each.
 
     Repetitions of the line above are left out.

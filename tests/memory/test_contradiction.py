@@ -12,6 +12,7 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Judgement, Lesson, LessonPair
 from gvla2.memory.records import Record
 from gvla2.memory.review import BATCH, Judged
+from gvla2.memory.review import judge as judge_lessons
 from tests.memory.looking import look
 
 Open = Callable[..., Any]
@@ -111,7 +112,7 @@ def judged(path: Path, judge: Fixed, *records: Record, **more: Any) -> tuple[Jud
         for one in records:
             if t.get(one.id) is None:
                 t.put(one, "ADD")
-    done = bank.judge(judge, **more)
+    done = judge_lessons(bank, judge, **more)
     assert bank.verify() == []
     return done, bank
 

