@@ -17,10 +17,9 @@ from gvla2.perception.fitting import Sights, sights_of
 from gvla2.perception.fixtures import spread
 from gvla2.perception.gallery import AROUND, FLOATS, MOSTLY, Gallery, Recognised, on_scan
 from gvla2.perception.labels import Labeller
+from gvla2.perception.objects import MOST_POINTS
 from gvla2.planning.scene import SceneObject
-from gvla2_plugins.classical.naming import MOST_POINTS
-from gvla2_plugins.classical.pixels import TableFrame, choose
-from gvla2_plugins.classical.segmentation import bodies_of, groups
+from gvla2_plugins.classical.pixels import TableFrame, bodies_of, choose, groups
 from gvla2_plugins.classical.solids import evenly
 
 LAYERS = 2  # how often bodies are looked at: what one known object leaves unexplained may be another
