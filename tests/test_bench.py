@@ -75,7 +75,7 @@ def config_for(meshes: Path, tmp_path: Path, objects: tuple[str, ...] = (), **ch
         "surface_samples": 5000,
         "prior": depth_prior.DepthPriorConfig(name="depth"),
         "axis": axes.ContoursConfig(name="contours"),
-        "fusion": fusions.ResidualConfig(name="residual"),
+        "fusion": fusions.ShareConfig(name="residual"),
         "renderer": PlainConfig(name="raster"),
         "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),
         "workers": 1,

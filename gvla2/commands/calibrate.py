@@ -15,14 +15,10 @@ if TYPE_CHECKING:
 
 @dataclass
 class CalibrateConfig:
-    """``pairs`` is the file of recorded pose pairs; ``out`` where the calibration is written, "" for the run's folder.
-
-    ``serial`` must be the recording's camera, when given.
-    """
+    """``pairs`` is the file of recorded pose pairs; ``out`` where the result is written, "" for the run's folder."""
 
     pairs: str = ""
     out: str = ""
-    serial: str = ""
 
 
 def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
@@ -39,10 +35,6 @@ def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
     if not config.pairs:
         raise ConfigurationError("Name the file of recorded pose pairs: gvla2 calibrate pairs=FILE.")
     recording = load_recording(Path(config.pairs))
-    if config.serial and config.serial != recording.serial:
-        raise ConfigurationError(
-            f"The recording is from camera '{recording.serial}', but serial={config.serial} was given."
-        )
     transform, shifts, turns = solve(recording)
     for number, (shift, turn) in enumerate(zip(1e3 * shifts, np.degrees(turns), strict=True)):
         print(f"pair {number:<3} {shift:8.3f} mm  {turn:8.4f} degrees")

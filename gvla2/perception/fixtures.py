@@ -121,7 +121,7 @@ def seen_grid(points: FloatArray, sights: Sights, table: float) -> SeenGrid | No
     height, row, column = np.indices(size)
     middles = low + CELL * (np.stack([row, column, height], axis=-1).reshape(-1, 3) + 0.5)
     free = np.zeros(len(middles), dtype=bool)
-    for camera, depths, _ in zip(sights, strict=True):
+    for camera, depths, _ in sights:
         uv, depth = camera.project(middles)
         inside = camera.inside(uv)
         across, down = np.floor(uv[inside]).astype(int).T

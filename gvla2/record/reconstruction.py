@@ -15,18 +15,17 @@ from scipy.spatial import cKDTree
 from gvla2.geometry.gaussians import write_gaussians
 from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.views import Views
-from gvla2.io.files import write_bytes, write_json, write_text
+from gvla2.io.files import write_json, write_text
 from gvla2.reconstruction.branch import BranchResult
-from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.view_set import points_of
 from gvla2.record import reconstruction_measures
 from gvla2.record.page import render
 from gvla2.record.reconstruction_measures import (
     Measures,
-    ReconstructionPictures,
+    ViewPictures,
     drawable,
-    turntable,
     view_pictures,
 )
 from gvla2.record.recorder import FolderRecorder
@@ -200,7 +199,7 @@ def summary_line(record: ReconstructionRecord) -> str:
     return f"{record.name}: {', '.join(parts)}"
 
 
-PLY, GLB, RESULT, PAGE, TURNTABLE = "result.ply", "result.glb", "result.json", "index.html", "turntable.mp4"
+PLY, GLB, RESULT, PAGE = "result.ply", "result.glb", "result.json", "index.html"
 
 
 class ReconstructionRecorder(FolderRecorder):
@@ -225,20 +224,14 @@ class ReconstructionRecorder(FolderRecorder):
         """``result.json``."""
         write_json(self.folder / RESULT, self._noted(record).summary())
 
-    def pictures(
-        self, record: ReconstructionRecord, renderer: Renderer, frames: int
-    ) -> ReconstructionPictures:
-        """All pictures that can be made; ``turntable.mp4`` into the folder."""
+    def pictures(self, record: ReconstructionRecord) -> tuple[ViewPictures, ...]:
+        """The pictures of the views; none where they cannot be made, or nothing was measured."""
         if record.measures is None:
-            return ReconstructionPictures()
+            return ()
         given = (record.views, record.measures)
-        views = self.attempt("The pictures of the views", lambda: view_pictures(*given)) or ()
-        film = self.attempt("The turntable", lambda: turntable(*given, renderer, frames)) or b""
-        if film:
-            write_bytes(self.folder / TURNTABLE, film)
-        return ReconstructionPictures(views, film)
+        return self.attempt("The pictures of the views", lambda: view_pictures(*given)) or ()
 
-    def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
+    def page(self, record: ReconstructionRecord, pictures: Sequence[ViewPictures]) -> Path:
         """``index.html``; returns its path. ``result.json`` is rewritten with the notes on pictures."""
         path = self.folder / PAGE
         page = render_reconstruction(self._noted(record), pictures, self.config, self.there())
@@ -252,7 +245,7 @@ class ReconstructionRecorder(FolderRecorder):
 
 def render_reconstruction(
     record: ReconstructionRecord,
-    pictures: ReconstructionPictures,
+    pictures: Sequence[ViewPictures] = (),
     config_yaml: str = "",
     beside: Sequence[str] = (),
 ) -> str:

@@ -10,15 +10,18 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from gvla2.perception.clusters import without_specks
+from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.pixels import (
     IntArray,
     Pixels,
     TableFrame,
     appearance_of,
     choose,
+    groups,
+    join_across_views,
+    pieces_in_views,
     plane_crossings,
 )
-from gvla2_plugins.classical.segmentation import groups, join_across_views, pieces_in_views
 from gvla2_plugins.classical.solids import (
     Kind,
     SeenObject,
@@ -104,18 +107,20 @@ def find_patches(
     frames: Sequence[TableFrame],
     painted: Sequence[NDArray[np.bool_]],
     bare: Sequence[NDArray[np.bool_]],
-    min_region: float,
-    min_points: int,
-    colour_step: float,
+    config: ClassicalConfig,
 ) -> tuple[Pixels, list[SeenObject]]:
     """Patches among the ``painted`` table pixels; ``bare`` ones show the table itself; one (H, W) a frame each."""
     pixels = choose(frames, [without_specks(mask) for mask in painted], on_plane=True)
     if len(pixels) == 0:
         return pixels, []
-    pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * colour_step)
+    pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * config.colour_step)
     labels = join_across_views(pixels, pieces, REACH)
     # On wood or stone most are a seam or a knot: the slow fit is for those that may be large enough.
-    large = [members for members in groups(labels, min_points) if _may_be(pixels, members, min_region)]
+    large = [
+        members
+        for members in groups(labels, config.min_points)
+        if _may_be(pixels, members, config.min_region)
+    ]
     fitted = [_patch(frames, pixels, members, bare) for members in large]
     patches: list[SeenObject] = []
     for patch in sorted(fitted, key=lambda p: -p.extents.prod()):
@@ -126,7 +131,7 @@ def find_patches(
             and np.linalg.norm(look - np.median(pixels.look[whole.members], axis=0)) < ONE_PAINT
             for whole in patches
         )
-        if sides.prod() >= min_region and sides.min() >= NARROW and not piece:
+        if sides.prod() >= config.min_region and sides.min() >= NARROW and not piece:
             patches.append(patch)
     return pixels, patches
 

