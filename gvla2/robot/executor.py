@@ -18,7 +18,7 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Trajectory, Waypoint
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener
-from gvla2.robot.driver import Driver, DriverState, GuardedDriver, MoveResult
+from gvla2.robot.driver import Driver, DriverState, MoveResult
 from gvla2.robot.motion import MotionFailure, MotionPlanner
 from gvla2.robot.report import AbortCode, ExecutionReport, WaypointReport
 from gvla2.robot.timing import MotionLimits, time_path
@@ -148,18 +148,13 @@ class _Run:
 
     def _follow(self, waypoint: Waypoint, samples: FloatArray) -> bool:
         """Move, and hold where the waypoint's guard ends the motion: then True."""
-        guard, driver, dt = waypoint.guard, self.driver, self.options.dt
-        if guard is not None and isinstance(driver, GuardedDriver):
-            watch = GuardWatch(guard, self.arm)
-            moved = driver.follow_guarded(samples, dt, self.opening, watch)
+        watch = None if waypoint.guard is None else GuardWatch(waypoint.guard, self.arm)
+        moved = self.driver.follow(samples, self.options.dt, self.opening, watch)
+        if watch is not None:
             self._know(force=watch.force)
             if moved.stopped:
-                driver.hold()
+                self.driver.hold()
                 self._know(status="guarded", message=watch.reason)
-        else:
-            moved = driver.follow(samples, dt, self.opening)
-            if guard is not None:
-                self._know(message="This robot does not feel guards: the motion went on to its end.")
         self._moved(moved)
         return moved.stopped
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.piper import frames
-from gvla2_plugins.piper.arm import HIGH, LOW, MAX_WIDTH, Bounds
+from gvla2_plugins.piper.arm import HIGH, LOW, MAX_WIDTH, NEAR, SLACK, Bounds
 from gvla2_plugins.piper.writer import CommandLog
 
 _ECHO_SECONDS, _MOST_SENT = 1.0, 2000
@@ -85,11 +85,11 @@ class CommandGate(can.BusABC):
         for offset, value in enumerate(values):
             joint = first + offset
             angle, last = frames.radians(value), self._targets[joint]
-            if not LOW[joint] - self._bounds.slack <= angle <= HIGH[joint] + self._bounds.slack:
+            if not LOW[joint] - SLACK <= angle <= HIGH[joint] + SLACK:
                 return f"joint {joint + 1} would leave its limits"
             step = np.inf if last is None else abs(angle - frames.radians(last))
             away = np.inf if measured is None else abs(angle - float(measured[joint]))
-            if step > self._bounds.step[joint] + 1e-5 and away > self._bounds.near:
+            if step > self._bounds.step[joint] + 1e-5 and away > NEAR:
                 return f"joint {joint + 1} would jump by {min(step, away):.3f} rad"
         return ""
 

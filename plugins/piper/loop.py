@@ -20,6 +20,9 @@ from gvla2_plugins.piper.writer import CommandLog, be_urgent
 SILENT_AFTER = 1.0
 """Seconds of repeated hold frames after a stop; then nothing, so as not to fight a person or a program."""
 
+HEARTBEAT, LATENESS = 0.25, 0.1
+"""How long the controlling program may be silent, and how late a tick of the loop itself may be, seconds."""
+
 _IDLE_EVERY, _MODE_EVERY, _GRIP_EVERY = 5, 20, 10  # ticks
 _LOOK = 0.02  # seconds between heartbeats of the waiting caller
 _NAP = 0.02  # seconds of delay from which on a resting arm is patient
@@ -139,7 +142,7 @@ class ControlLoop:
                 self._beat = time.monotonic()
                 if self._interrupted:
                     raise KeyboardInterrupt
-                if self._beat - self._looked > 2 * self._watch.limits.heartbeat:
+                if self._beat - self._looked > 2 * HEARTBEAT:
                     self._stop("the control loop has died", self._beat)
                 if self.stopped:
                     return
@@ -200,10 +203,9 @@ class ControlLoop:
             self._send(now)
 
     def _absence(self, now: float, late: float) -> str:
-        limits = self._watch.limits
-        if now - self._beat > limits.heartbeat:
+        if now - self._beat > HEARTBEAT:
             return f"the program that moves the arm was silent for {1e3 * (now - self._beat):.0f} ms"
-        if late > limits.lateness:
+        if late > LATENESS:
             return f"the control loop is {1e3 * late:.0f} ms late: this computer is too busy"
         return ""
 

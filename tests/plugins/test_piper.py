@@ -13,11 +13,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
-from gvla2.planning.scene import Box, Scene
+from gvla2.planning.scene import Scene
 from gvla2.testing.robot import check_camera, check_robot
 from gvla2_plugins import piper
 from gvla2_plugins.piper import PiperConfig, frames
-from gvla2_plugins.piper.arm import HIGH, HOME, LOW, TCP_OFFSET, Bounds, make_arm
+from gvla2_plugins.piper.arm import HIGH, HOME, LOW, Bounds, make_arm
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.feedback import Feedback
 from gvla2_plugins.piper.link import PiperLink, import_sdk
@@ -26,12 +26,10 @@ from tests.plugins.piper_rig import logged_frames, read_log
 from tests.plugins.synthetic_table import Scenery
 from tests.plugins.virtual_piper import PARKED, VirtualArm, pair
 
-WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
-
 
 @pytest.fixture(scope="module")
 def arm():
-    return make_arm(WORKSPACE).arm
+    return make_arm(PiperConfig()).arm
 
 
 def test_forward_kinematics_are_the_sdks(arm):
@@ -43,14 +41,14 @@ def test_forward_kinematics_are_the_sdks(arm):
     for joints in rng.uniform(LOW, HIGH, (1000, 6)):
         x, y, z, *rpy = sdk.CalFK(joints.tolist())[-1]
         tool = arm.forward(joints)
-        flange = 1e3 * (tool[:3, 3] - TCP_OFFSET * tool[:3, 2])
+        flange = 1e3 * (tool[:3, 3] - PiperConfig().tcp_offset * tool[:3, 2])
         assert np.abs(flange - [x, y, z]).max() < 0.01
         turn = Rotation.from_euler("xyz", rpy, degrees=True).as_matrix()
         assert np.abs(turn - tool[:3, :3]).max() < 1e-6
 
 
 def test_home_and_the_parked_pose_touch_nothing(arm):
-    scene = Scene((), 0.0, WORKSPACE)
+    scene = Scene((), 0.0, arm.workspace)
     for joints in (HOME, PARKED):
         assert arm.clearance(np.array(joints), 1.0, scene).distance > 0.005
 

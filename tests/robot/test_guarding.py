@@ -28,7 +28,9 @@ class FeelingDriver:
     def state(self):
         return DriverState(self.joints.copy(), 0.0)
 
-    def follow(self, samples, dt, gripper):
+    def follow(self, samples, dt, gripper, stop=None):
+        if stop is not None:
+            return self.guarded(samples, stop)
         self.calls.append("follow")
         self.samples.append(samples)
         self.joints = samples[-1].copy()
@@ -41,7 +43,7 @@ class FeelingDriver:
     def hold(self):
         self.calls.append("hold")
 
-    def follow_guarded(self, samples, dt, gripper, stop):
+    def guarded(self, samples, stop):
         self.calls.append("guarded")
         for sample in samples:
             depth = max(0.0, self.floor - self.arm.forward(sample)[2, 3])
