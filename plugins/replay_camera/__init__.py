@@ -25,12 +25,10 @@ if TYPE_CHECKING:
 class ReplayConfig(ComponentConfig):
     """Options of ``replay``.
 
-    ``path`` is a folder of pictures. Each observation shows the next frame, and the last again at the end. ``serial``
-    refuses recordings of another camera, "" takes any.
+    ``path`` is a folder of pictures. Each observation shows the next frame, and the last again at the end.
     """
 
     path: str = ""
-    serial: str = ""
 
 
 def _build(config: ReplayConfig) -> DepthCamera:
