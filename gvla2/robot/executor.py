@@ -276,9 +276,8 @@ class CarriedScene:
         self.release(world_from_tcp)
         obj, self._grasped_at = self.scene[object_id], world_from_tcp
         self._taken = tuple(o for o in self.scene.objects if object_id in (o.id, o.parent))
-        self.scene = replace(
-            self.scene, objects=tuple(o for o in self.scene.objects if object_id not in (o.id, o.parent))
-        )
+        left = tuple(o for o in self.scene.objects if object_id not in (o.id, o.parent))
+        self.scene = replace(self.scene, objects=left)
         self.attached = Attachment(obj, invert_rigid(world_from_tcp) @ obj.world_from_object)
 
     def release(self, world_from_tcp: FloatArray) -> None:
@@ -341,34 +340,31 @@ def check_trajectory(trajectory: Trajectory, scene: Scene, start: FloatArray) ->
     return trajectory.poses(start)
 
 
+START_GAP = 0.05
+"""How far a motion may start from the measured joints, radians."""
+
+
 def check_samples(
     samples: FloatArray,
     dt: float,
     measured: FloatArray,
     limits: tuple[FloatArray, FloatArray],
     velocity: FloatArray,
-    start_gap: float = 0.05,
 ) -> None:
     """Raise :class:`RobotError` unless joint samples (T, dof), one every ``dt`` seconds, may be sent.
 
-    They must be finite, inside ``limits`` (dof,), start within ``start_gap`` radians of the ``measured`` joints
-    (dof,), and never move faster than ``velocity`` (dof,) rad/s.
+    They must be finite, inside ``limits`` (dof,), start where the ``measured`` joints (dof,) are, and never move faster
+    than ``velocity`` (dof,) rad/s.
     """
-    samples = np.asarray(samples, dtype=np.float64)
+    low, high = limits
     if samples.ndim != 2 or samples.shape[1] != len(measured) or not len(samples):
         raise RobotError(f"Joint samples must be (T, {len(measured)}), got {samples.shape}.")
-    if not np.isfinite(samples).all() or not np.isfinite(measured).all():
-        raise RobotError("Joint samples or measured joints are not finite.")
-    low, high = limits
-    outside = np.maximum(low - samples, samples - high).max(axis=0)
-    if outside.max() > 1e-6:
-        joint = int(outside.argmax())
-        raise RobotError(f"Joint {joint + 1} would leave its limits by {outside[joint]:.3f} rad.")
-    gap = float(np.abs(samples[0] - measured).max())
-    if gap > start_gap:
-        raise RobotError(f"The motion starts {gap:.3f} rad from where the arm is; {start_gap} is allowed.")
-    if len(samples) > 1:
-        ratio = (np.abs(np.diff(samples, axis=0)) / (velocity * dt)).max(axis=0)
-        if ratio.max() > 1.05:
-            joint = int(ratio.argmax())
-            raise RobotError(f"Joint {joint + 1} would jump at {ratio[joint]:.1f} times its speed limit.")
+    rules = {
+        "would get a target that is not finite": ~np.isfinite(samples + measured),
+        "would leave its limits": (samples < low - 1e-6) | (samples > high + 1e-6),
+        f"starts over {START_GAP} rad from where it is": np.abs(samples[:1] - measured) > START_GAP,
+        "would jump beyond its speed limit": np.abs(np.diff(samples, axis=0)) > 1.05 * velocity * dt,
+    }
+    for what, wrong in rules.items():
+        if wrong.any():
+            raise RobotError(f"Joint {int(wrong.any(axis=0).argmax()) + 1} {what}. Nothing was sent.")
