@@ -10,6 +10,7 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.component import check_ranges
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, RayImage
@@ -111,9 +112,7 @@ class SapienArm:
         import_sapien()
         self._config, self._cell = config, make_cell(config)
         self._cell.check_cameras(config.cameras)
-        bad = [f"{name}={getattr(config, name)}" for name in POSITIVE if not getattr(config, name) > 0]
-        if bad:
-            raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
+        check_ranges(config, "robot", dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")))
         self._arm = self._cell.arm
         self._planner = MotionPlanner(self._arm)
         self._robot = self._cell.looks

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, RobotError, SimulationError
+from gvla2.errors import ConfigurationError, RobotError, SimulationError, did_you_mean
 from gvla2.geometry.views import Observation, Viewpoint, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
@@ -79,7 +79,13 @@ class MujocoArm:
 
     def _load(self, task: str | None) -> None:
         self.close()
-        world = self._worlds.load(task)
+        there = self.tasks()
+        if task not in there if there else task is not None:
+            raise ConfigurationError(
+                f"robot={self._config.name} has no task '{task or 'none'}'.{did_you_mean(task or '', there)} "
+                f"`gvla2 tasks robot={self._config.name}` lists those that it has."
+            )
+        world = self._worlds.load(task or "")
         world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
         base = world_from_base(world.model, world.data, world.names)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]

@@ -61,8 +61,8 @@ class Worlds(Protocol):
         """Each task's sentence by its name ``suite/task``."""
         ...
 
-    def load(self, task: str | None) -> World:
-        """The world of a task; raises :class:`ConfigurationError` for a task that there is not."""
+    def load(self, task: str) -> World:
+        """The world of one of the tasks, "" where there are none."""
         ...
 
 
