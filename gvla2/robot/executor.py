@@ -19,7 +19,7 @@ from gvla2.planning.trajectory import Guard, Trajectory, Waypoint
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener
 from gvla2.robot.driver import Driver, DriverState, MoveResult
-from gvla2.robot.motion import MotionFailure, MotionPlanner
+from gvla2.robot.motion import MotionFailure, plan_motion
 from gvla2.robot.report import AbortCode, ExecutionReport, WaypointReport
 from gvla2.robot.timing import MotionLimits, time_path
 
@@ -29,24 +29,26 @@ class ExecutorOptions:
     """How an arm is driven.
 
     ``dt`` seconds between joint samples; ``velocity_scale`` of the URDF's joint speeds; ``acceleration`` rad/s² of
-    every joint; a position error above ``tracking_factor`` times a waypoint's tolerance stops the motion; fingers
-    nearer than ``empty_width`` (metres) hold nothing; one motion may take ``max_motion_seconds``. ``seed`` makes motion
-    planning reproducible.
+    every joint; one motion may take ``max_motion_seconds``.
     """
 
     dt: float = 1.0 / 60.0
     velocity_scale: float = 0.7
     acceleration: float = 5.0
-    tracking_factor: float = 3.0
-    empty_width: float = 0.0015
     max_motion_seconds: float = 60.0
-    seed: int = 0
+
+
+TRACKING_FACTOR = 3.0
+"""A position error above this many times a waypoint's tolerance stops the motion."""
+
+EMPTY_WIDTH = 0.0015
+"""Fingers nearer than this hold nothing, metres."""
 
 
 def execute(
     trajectory: Trajectory,
     scene: Scene,
-    planner: MotionPlanner,
+    arm: ArmModel,
     driver: Driver,
     listener: ExecutionListener | None = None,
     options: ExecutorOptions = ExecutorOptions(),
@@ -61,7 +63,7 @@ def execute(
     A keyboard interrupt, or an exception of the driver or the listener, makes the driver hold the arm; the present
     waypoint is reported as ``interrupted`` and the exception passed on.
     """
-    return _Run(trajectory, scene, planner, driver, listener or ExecutionListener(), options).through()
+    return _Run(trajectory, scene, arm, driver, listener or ExecutionListener(), options).through()
 
 
 class _Abort(Exception):  # noqa: N818 - it ends the loop and becomes a report
@@ -77,13 +79,13 @@ class _Run:
         self,
         trajectory: Trajectory,
         scene: Scene,
-        planner: MotionPlanner,
+        arm: ArmModel,
         driver: Driver,
         listener: ExecutionListener,
         options: ExecutorOptions,
     ) -> None:
         self.trajectory, self.given, self.world = trajectory, scene, CarriedScene(scene)
-        self.arm, self.planner, self.driver = planner.arm, planner, driver
+        self.arm, self.driver = arm, driver
         self.listener, self.options = listener, options
         self.reports: list[WaypointReport] = []
         self.joint_path: list[tuple[float, ...]] = []
@@ -137,11 +139,11 @@ class _Run:
             still = np.tile(state.joints if stopped else samples[-1], (dwell + 1, 1))
             self._moved(self.driver.follow(still, options.dt, self.opening))
             state = self._measure()
-        if waypoint.carries and state.gripper_width < options.empty_width:
+        if waypoint.carries and state.gripper_width < EMPTY_WIDTH:
             self.holds = False
             raise _Abort("slipped", f"'{waypoint.carries}' was lost on the way: the fingers are closed.")
         error = float(np.linalg.norm(self.arm.forward(state.joints)[:3, 3] - pose[:3, 3]))
-        if not stopped and error > options.tracking_factor * waypoint.tolerance:
+        if not stopped and error > TRACKING_FACTOR * waypoint.tolerance:
             raise _Abort("tracking", f"The tool stopped {1e3 * error:.0f} mm from its target.")
         if abs(waypoint.gripper - self.opening) > 1e-3:
             self._grip(waypoint)
@@ -169,7 +171,8 @@ class _Run:
         """Joint samples (T, dof) to the waypoint, checked."""
         options, index, arm = self.options, self.now.index, self.arm
         began = time.perf_counter()
-        path = self.planner.plan(
+        path = plan_motion(
+            arm,
             state.joints,
             pose,
             self.world.scene,
@@ -178,7 +181,7 @@ class _Run:
             attached=self.world.attached,
             allowed_contacts=waypoint.allowed_contacts,
             then=self.trajectory.straight_after(index, self.poses),
-            seed=options.seed + index,
+            seed=index,
         )
         self._know(planning_seconds=time.perf_counter() - began, status=getattr(path, "status", "failed"))
         if isinstance(path, MotionFailure):
@@ -205,7 +208,7 @@ class _Run:
         if closing:
             self.closed_at = self.arm.forward(state.joints)
             following = self.trajectory.waypoints[self.now.index + 1 : self.now.index + 2]
-            if any(w.carries for w in following) and state.gripper_width < self.options.empty_width:
+            if any(w.carries for w in following) and state.gripper_width < EMPTY_WIDTH:
                 self.holds = False
                 raise _Abort("slipped", "The fingers closed on nothing.")
 

@@ -19,7 +19,6 @@ from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import DepthCamera, ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import ExecutorOptions, execute
-from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task, TaskInstance
 from gvla2_plugins.piper import PiperConfig
@@ -61,7 +60,6 @@ class Piper:
         self._config, self._camera, self._ask = config, camera, ask
         self._made = make_arm(config)
         self._arm = self._made.arm
-        self.planner = MotionPlanner(self._arm)
         self._guard = PathGuard(self._arm, config.table_height + config.table_margin)
         self._options = ExecutorOptions(
             dt=PERIOD,
@@ -133,7 +131,7 @@ class Piper:
             listener.moment(Moment(time.monotonic(), state.joints, state.gripper_width))
 
         driver = PiperDriver(session.link, session.loop, self._guard, note)
-        return execute(slow, scene, self.planner, driver, listener, self._options)
+        return execute(slow, scene, self._arm, driver, listener, self._options)
 
     def success_check(self) -> SuccessCheck | None:
         """None: a real robot has none."""
@@ -164,7 +162,7 @@ class Piper:
     def _dry(self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener) -> ExecutionReport:
         """The whole execution as a dry run: one report that nothing was started."""
         driver = DryDriver(self._state(), self._guard)
-        planned = execute(trajectory, scene, self.planner, driver, ExecutionListener(), self._options)
+        planned = execute(trajectory, scene, self._arm, driver, ExecutionListener(), self._options)
         if failed := planned.abort:
             word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
         else:

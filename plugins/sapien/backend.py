@@ -23,7 +23,6 @@ from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck, judge
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
 from gvla2.robot.looks import OWN_DEPTH, RobotLooks, body_surface
-from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite, WorldState
 from gvla2.robot.workcell import TABLE_RGB, make_cell
@@ -114,7 +113,6 @@ class SapienArm:
         self._cell.check_cameras(config.cameras)
         check_ranges(config, "robot", dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")))
         self._arm = self._cell.arm
-        self._planner = MotionPlanner(self._arm)
         self._robot = self._cell.looks
         self._world: SapienWorld | None = None
         self._objects: RayCaster | None = None
@@ -184,7 +182,7 @@ class SapienArm:
             world, self._config, self._arm.hand.max_width, None if listener is _SILENT else film
         )
         with Filming(listener) as reel:
-            return execute(trajectory, scene, self._planner, driver, listener)
+            return execute(trajectory, scene, self._arm, driver, listener)
 
     def success_check(self) -> SuccessCheck | None:
         """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""

@@ -8,7 +8,6 @@ import pytest
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
 from gvla2.robot.executor import execute
-from gvla2.robot.motion import MotionPlanner
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 
@@ -67,7 +66,7 @@ def go(arm, scene_of):
                 Waypoint((0.3, 0.2, 0.95), 1.0, "retreat", motion="linear"),
             )
         )
-        return execute(press, scene_of(), MotionPlanner(arm), driver)
+        return execute(press, scene_of(), arm, driver)
 
     return start
 

@@ -15,7 +15,6 @@ from gvla2.robot.arm_from_urdf import UrdfArm, arm_from_urdf
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.executor import ExecutorOptions, execute
-from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.mujoco.description import world_from_base, write_urdf
 from gvla2.robot.mujoco.eyes import ModelEyes
 from gvla2.robot.mujoco.options import MujocoConfig
@@ -135,7 +134,7 @@ class MujocoArm:
         driver.film = (lambda: None) if listener is _SILENT else film
         options = ExecutorOptions(velocity_scale=0.9, acceleration=config.acceleration)
         faster = Trajectory(tuple(replace(w, speed=config.pace * w.speed) for w in trajectory))
-        return execute(faster, scene, MotionPlanner(made.arm), driver, listener, options)
+        return execute(faster, scene, made.arm, driver, listener, options)
 
     def success_check(self) -> SuccessCheck | None:
         """Whether the world's own check was met at any step, within its steps; None without a check."""
