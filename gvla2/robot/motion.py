@@ -235,8 +235,8 @@ def rrt_connect(
 ) -> FloatArray | None:
     """A path (N, dof) from ``start`` to one of ``goals``, inside the limits; None when none was found.
 
-    ``free`` says whether joints (dof,) are allowed. The search is bounded by :data:`MAX_CHECKS` calls of it, which keeps
-    it reproducible. Detours are cut afterwards.
+    ``free`` says whether joints (dof,) are allowed. The search is bounded by :data:`MAX_CHECKS` calls of it,
+    which keeps it reproducible. Detours are cut afterwards.
     """
     ob, og, ou = (library(f"ompl.{part}") for part in ("base", "geometric", "util"))
     ou.noOutputHandler()  # it complains about every seed except a process's first, but honours it anyway
