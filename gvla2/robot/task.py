@@ -233,6 +233,16 @@ class TaskSite:
     span: float = 0.08
     colours: tuple[str, ...] = ()
 
+    def inside(self, xy: FloatArray, radius: float) -> bool:
+        """Whether a disc about ``xy`` (2,) lies in the rectangle."""
+        off = np.abs(np.asarray(xy) - np.asarray(self.centre))
+        return bool((off + radius <= 0.5 * np.asarray(self.size)).all())
+
+    def in_reach(self, xy: FloatArray, *heights: float) -> bool:
+        """Whether the hand, pointing down, gets to ``xy`` (2,) at all ``heights`` above the table, metres."""
+        top_first = sorted(heights, reverse=True)  # most likely out of reach, so checked first
+        return all(self.reachable(np.array([xy[0], xy[1], self.table_height + h])) for h in top_first)
+
 
 class Task(Protocol):
     """A task is a recipe for episodes; a plugin offers it under a name."""
