@@ -59,13 +59,12 @@ class Feedback:
         self._believed = [-NEVER] * 3  # when each joint frame was last believable
         self._foreign, self._unbelievable = "", ""
 
-    def take(self, arbitration_id: int, data: bytes, own: bool = False, now: float | None = None) -> None:
-        """One frame off the bus; ``own`` if it is the echo of this program's frame."""
+    def take(self, arbitration_id: int, data: bytes, now: float | None = None) -> None:
+        """One frame off the bus, which does not give this program's own frames back."""
         now = time.monotonic() if now is None else now
         with self._lock:
             if arbitration_id in frames.COMMANDS:
-                if not own:
-                    self._foreign = f"{arbitration_id:03X} [{data.hex(' ')}]"
+                self._foreign = f"{arbitration_id:03X} [{data.hex(' ')}]"
                 return
             if arbitration_id in frames.JOINTS:
                 self._take_joints(arbitration_id - frames.JOINTS[0], data, now)
@@ -149,9 +148,7 @@ class Watch:
         self._off = 0
         self._same: tuple[float, FloatArray, FloatArray] | None = None  # since when, joints, target then
 
-    def trouble(
-        self, seen: Snapshot, target: FloatArray, reader_ok: bool, sending: str, asleep: float = 0.0
-    ) -> str:
+    def trouble(self, seen: Snapshot, target: FloatArray, sending: str, asleep: float = 0.0) -> str:
         """Why the arm must be held now, in words; "" when all is well.
 
         ``sending`` describes a failed command. ``asleep`` are seconds for which this process itself could not listen
@@ -167,8 +164,6 @@ class Watch:
             return f"no status for {1e3 * seen.status_age:.0f} ms"
         if seen.drive_age > STALE_DRIVES + asleep:
             return f"no word from a drive for {seen.drive_age:.1f} s"
-        if not reader_ok and not asleep:
-            return "the SDK's reader receives nothing"
         if seen.unbelievable:
             return f"the measurements can't be believed: {seen.unbelievable}"
         return self.condition(seen) or self._tracking(seen, target) or self._frozen(seen, target)

@@ -191,8 +191,7 @@ class ControlLoop:
             self._patience = max(late if late > _NAP else 0.0, self._patience - PERIOD)
             if not self.stopped:
                 asleep = 0.0 if self.moving else self._patience
-                sound = self._link.reader_ok()
-                reason = self._watch.trouble(seen, self._target, sound, self._link.gate.trouble, asleep)
+                reason = self._watch.trouble(seen, self._target, self._link.gate.trouble, asleep)
                 if not reason and self.moving:
                     reason = self._absence(now, late)
                 if reason:
@@ -235,8 +234,7 @@ class ControlLoop:
                 return
             self.stopped, self.stopped_at = reason, found
             self._halt()
-            with contextlib.suppress(RobotError):
-                self._link.move_joints(self._target)
+            self._link.move_joints(self._target)
             self.held_at = time.monotonic()
             with contextlib.suppress(RobotError):
                 self._log.write("event", event="stop", why=reason, found=found, held=self.held_at)

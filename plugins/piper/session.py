@@ -88,7 +88,8 @@ def power_up(link: PiperLink) -> Snapshot:
 
     Raises :class:`RobotError` when the arm answers late or a motor stays off; it is then left unchanged.
     """
-    link.open_gate()
+    link.feedback.forget_trouble()
+    link.gate.open_gate()
     asked = time.monotonic()
     link.ask()
     why = ""
