@@ -54,7 +54,7 @@ def test_a_planner_that_hangs_ends_its_episode_and_no_other(run_of_two):
     ("answer", "words"),
     [
         (lambda self, r: {"waypoints": []}, "dict, not a Plan"),
-        (lambda self, r: Plan(Trajectory((NOWHERE, NOWHERE))), "three finite numbers"),
+        (lambda self, r: Plan(Trajectory((NOWHERE, NOWHERE))), "a finite number"),
         (
             lambda self, r: Plan(Trajectory((replace(NOWHERE, xyz=(0.3, 0.0, 0.9)),) * 10_000)),
             "10000 waypoints",

@@ -88,5 +88,7 @@ def _looks(world: World, bodies: Sequence[int]) -> tuple[FloatArray, FloatArray]
     """Points (N, 3) on what is drawn of bodies, world, and their colours (N, 3)."""
     drawn = [mesh for body in bodies for mesh in painted(world.model, world.data, body, world.groups)]
     points = [mesh.vertices for mesh in drawn]
-    colours = [mesh.visual.to_color().vertex_colors[:, :3] / 255.0 for mesh in drawn]
+    # A mesh without a texture has one colour, (4,), which counts for each of its vertices.
+    paint = [np.atleast_2d(mesh.visual.to_color().vertex_colors)[:, :3] / 255.0 for mesh in drawn]
+    colours = [np.broadcast_to(c, (len(p), 3)) for c, p in zip(paint, points, strict=True)]
     return np.concatenate([np.zeros((0, 3)), *points]), np.concatenate([np.zeros((0, 3)), *colours])
