@@ -31,10 +31,8 @@ class MjcfWorlds:
         """None: the file knows no sentence."""
         return {}
 
-    def load(self, task: str | None) -> MjcfWorld:
+    def load(self, task: str) -> MjcfWorld:
         """The world."""
-        if task is not None:
-            raise ConfigurationError(f"robot=mujoco has no task '{task}': task=none instruction='...'.")
         return MjcfWorld(self._config)
 
 
