@@ -91,6 +91,9 @@ from top) on the object where it is not marked; {{"done": true, "x": 0, "y": 0}}
 nothing else. {refused}"""
 
 
+Stopped = Literal["settled", "done", "budget", "no_answer"]
+
+
 @dataclass(frozen=True)
 class Located:
     """What was found: the last good ``mask`` (H, W), None if no round gave one, and its ``score`` in [0, 1].
@@ -102,7 +105,7 @@ class Located:
     score: float
     clicks: tuple[tuple[float, float], ...]
     refused: int
-    stopped: Literal["settled", "done", "budget", "no_answer"]
+    stopped: Stopped
 
 
 def locate(
@@ -119,18 +122,17 @@ def locate(
     """
     mask: BoolArray | None = None
     score, clicks, why, refused = 0.0, list[tuple[float, float]](), "", 0
-
-    def located(stopped: Literal["settled", "done", "budget", "no_answer"]) -> Located:
-        return Located(mask, score, tuple(clicks), refused, stopped)
-
+    stopped: Stopped = "budget"
     for _ in range(BUDGET):
         shown = overlay(image, proposals, mask, clicks, options.longest)
         try:
             answer = _asked(model, shown, words, why, options)
         except LanguageModelError:
-            return located("no_answer")
+            stopped = "no_answer"
+            break
         if answer is None and mask is not None:
-            return located("done")
+            stopped = "done"
+            break
         if answer is None:
             why = "You said done, but nothing is marked yet: click at the object."
             continue
@@ -144,8 +146,9 @@ def locate(
         clicks.append(click)
         before, (mask, score), why = mask, fresh, ""
         if before is not None and iou(before, mask) > SETTLED:
-            return located("settled")
-    return located("budget")
+            stopped = "settled"
+            break
+    return Located(mask, score, tuple(clicks), refused, stopped)
 
 
 def _asked(
