@@ -91,9 +91,6 @@ from top) on the object where it is not marked; {{"done": true, "x": 0, "y": 0}}
 nothing else. {refused}"""
 
 
-Stopped = Literal["settled", "done", "budget", "no_answer"]
-
-
 @dataclass(frozen=True)
 class Located:
     """What was found: the last good ``mask`` (H, W), None if no round gave one, and its ``score`` in [0, 1].
@@ -105,7 +102,7 @@ class Located:
     score: float
     clicks: tuple[tuple[float, float], ...]
     refused: int
-    stopped: Stopped
+    stopped: Literal["settled", "done", "budget", "no_answer"]
 
 
 def locate(
@@ -122,17 +119,18 @@ def locate(
     """
     mask: BoolArray | None = None
     score, clicks, why, refused = 0.0, list[tuple[float, float]](), "", 0
-    stopped: Stopped = "budget"
+
+    def located(stopped: Literal["settled", "done", "budget", "no_answer"]) -> Located:
+        return Located(mask, score, tuple(clicks), refused, stopped)
+
     for _ in range(BUDGET):
         shown = overlay(image, proposals, mask, clicks, options.longest)
         try:
             answer = _asked(model, shown, words, why, options)
         except LanguageModelError:
-            stopped = "no_answer"
-            break
+            return located("no_answer")
         if answer is None and mask is not None:
-            stopped = "done"
-            break
+            return located("done")
         if answer is None:
             why = "You said done, but nothing is marked yet: click at the object."
             continue
@@ -146,9 +144,8 @@ def locate(
         clicks.append(click)
         before, (mask, score), why = mask, fresh, ""
         if before is not None and iou(before, mask) > SETTLED:
-            stopped = "settled"
-            break
-    return Located(mask, score, tuple(clicks), refused, stopped)
+            return located("settled")
+    return located("budget")
 
 
 def _asked(
