@@ -24,6 +24,7 @@ from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.footprints import find_patches, unlike_table
 from gvla2_plugins.classical.known import known_objects
 from gvla2_plugins.classical.pixels import (
+    Masks,
     Pixels,
     TableFrame,
     bodies_of,
@@ -105,7 +106,7 @@ class ClassicalPerceiver:
         """Known objects in the world; the others as solids, and with patches as objects in the table's frame."""
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
-        raised, flat, different = [], [], []
+        raised, flat, different = Masks(), Masks(), Masks()
         for frame in frames:
             with np.errstate(invalid="ignore"):
                 near, high = (np.abs(frame.points) < room).all(axis=-1), frame.points[..., 2] > rise
