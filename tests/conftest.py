@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from omegaconf import OmegaConf
 
 from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import RunConfig
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
-from tests.composing import composition
+from tests.composing import composed
 
 HEAD = """
 from dataclasses import dataclass, field
@@ -116,14 +115,14 @@ def compose_run(registry: Registry, tmp_path: Path):
     """Compose ``gvla2 run``'s configuration with overrides; its memory lives in the test's own folder."""
     register(registry, schemas())
 
-    def composed(*overrides: str) -> RunConfig:
-        config = OmegaConf.to_object(composition("run", "quiet=true", *overrides))  # a new object each time
+    def compose(*overrides: str) -> RunConfig:
+        config = composed(registry, "run", "quiet=true", *overrides)
         assert isinstance(config, RunConfig)
         if not any(o.startswith(("memory=", "memory.url=")) for o in overrides):
             config.memory.url = f"sqlite:///{tmp_path / 'memory.db'}"
         return config
 
-    return composed
+    return compose
 
 
 @pytest.fixture(autouse=True)

@@ -3,16 +3,15 @@
 import json
 import sys
 import types
-from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gvla2.commands.hydra_job import explain
-from gvla2.commands.run import build_components, run_episodes
+from gvla2.commands.run import run_episodes
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
-from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
+from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
 from tests.quick import QUICK
@@ -40,22 +39,6 @@ class Listener(SilentListener):
 
     def frame(self, image):
         self.frames += 1
-
-
-@pytest.fixture
-def parts_of(registry, compose_run):
-    """Build the parts of a run for some overrides; the robot and the memory are closed after the test."""
-    opened = []
-
-    def build(*overrides):
-        parts = build_components(compose_run(*QUICK, *overrides), registry)
-        opened.extend((parts.robot, parts.memory))
-        return parts
-
-    yield build
-    for part in opened:
-        with closing(part):
-            pass
 
 
 class Wrapped:
@@ -129,7 +112,7 @@ class _Renaming:
         )
 
 
-@pytest.mark.parametrize("task", ["pick_and_lift", "push_block", "lamp_on"])
+@pytest.mark.parametrize("task", ["pick_and_lift", "lamp_on"])
 def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
     parts = parts_of(*SEEN, f"task={task}", "memory=none")
     plain = run_episode(parts, EpisodeRequest(seed=3))
@@ -241,16 +224,11 @@ def test_nobody_writes_into_what_others_see(parts_of):
     [
         (crash, "The verifier 'geometric' of plugin 'geometric' crashed: RuntimeError: a mistake of its own"),
         (
-            lambda evidence: Verdict.from_criteria({"lifted": float("nan")}),
-            "crashed: ValueError: A verdict needs",
-        ),
-        (
             lambda evidence: None,
             "The verifier 'geometric' of plugin 'geometric' returned NoneType, not a Verdict.",
         ),
-        (lambda evidence: sys.exit(4), "crashed: RuntimeError: SystemExit(4) would have ended"),
     ],
-    ids=["crash", "nan", "none", "exit"],
+    ids=["crash", "none"],
 )
 def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, shown):
     parts, listener = parts_of(), Listener()
