@@ -8,6 +8,7 @@ import shutil
 import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 import pytest
 
 from gvla2.commands.hydra_job import schemas
-from gvla2.commands.run import RunConfig
+from gvla2.commands.run import RunConfig, build_components
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
 from tests.composing import composed
@@ -123,6 +124,20 @@ def compose_run(registry: Registry, tmp_path: Path):
         return config
 
     return compose
+
+
+@pytest.fixture
+def parts_of(registry: Registry, compose_run: Callable[..., RunConfig]):
+    """Build the components of a run for some overrides; its robot and its memory are closed after the test."""
+    with ExitStack() as opened:
+
+        def build(*overrides: str) -> Any:
+            made = build_components(compose_run(*overrides), registry)
+            opened.enter_context(closing(made.robot))
+            opened.enter_context(closing(made.memory))
+            return made
+
+        yield build
 
 
 @pytest.fixture(autouse=True)

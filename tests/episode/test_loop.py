@@ -12,6 +12,7 @@ from gvla2.commands.hydra_job import explain
 from gvla2.commands.run import run_episodes
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.memory.contracts import MemoryContext, MemoryItem
+from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
 from tests.quick import QUICK
@@ -52,7 +53,7 @@ class Wrapped:
 
 
 def test_an_episode_goes_through_every_stage_and_learns(parts_of):
-    parts, listener = parts_of(*SEEN), Listener()
+    parts, listener = parts_of(*QUICK, *SEEN), Listener()
     record = run_episode(parts, EpisodeRequest(seed=1), listener)
     assert tuple(listener.records) == ORDER
     assert record.failure is None, record.failure
@@ -114,7 +115,7 @@ class _Renaming:
 
 @pytest.mark.parametrize("task", ["pick_and_lift", "lamp_on"])
 def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
-    parts = parts_of(*SEEN, f"task={task}", "memory=none")
+    parts = parts_of(*QUICK, *SEEN, f"task={task}", "memory=none")
     plain = run_episode(parts, EpisodeRequest(seed=3))
     blind = replace(parts, task=Renamed(parts.task), choices={**parts.choices, "task": "anything"})
     renamed = run_episode(blind, EpisodeRequest(seed=3))
@@ -128,7 +129,7 @@ def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
     "sentence", ["juggle the walrus", "pick up the zeppelin", "", "\x00;DROP TABLE memory;--"]
 )
 def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
-    record = run_episode(parts_of(), EpisodeRequest(seed=1, instruction=sentence))
+    record = run_episode(parts_of(*QUICK), EpisodeRequest(seed=1, instruction=sentence))
     assert record.failure is not None
     assert record.failure.stage == "plan"
     assert record.report is None
@@ -138,7 +139,7 @@ def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
 
 
 def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_of):
-    parts = parts_of()
+    parts = parts_of(*QUICK)
     effects = ({"kind": "bound", "parameter": "lift_height"}, Bound("lift_height", 0.3).to_json())
     item, sound = (
         MemoryItem(name, "failure_avoidance", "Lift higher.", 0.9, 0.9, {}, True, effect=effect)
@@ -189,7 +190,7 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learned(parts_of)
             if self.moments == 3:
                 raise KeyboardInterrupt
 
-    parts, listener = parts_of(), Impatient()
+    parts, listener = parts_of(*QUICK), Impatient()
     with pytest.raises(KeyboardInterrupt):
         run_episode(parts, EpisodeRequest(seed=1), listener)
     assert listener.records["execute"].failure.kind == "interrupted"
@@ -206,11 +207,11 @@ def crash(*_):
 
 
 def test_nobody_writes_into_what_others_see(parts_of):
-    parts, seen = parts_of("memory=none"), []
+    parts, seen = parts_of(*QUICK, "memory=none"), []
 
     def plan(request):
         seen.append(request)
-        return parts.planner.plan(request)
+        return Plan(None, abstention=Abstention("other", "Only looking."))
 
     run_episode(replace(parts, planner=Wrapped(parts.planner, plan=plan)), EpisodeRequest(seed=1))
     (request,) = seen
@@ -231,7 +232,7 @@ def test_nobody_writes_into_what_others_see(parts_of):
     ids=["crash", "none"],
 )
 def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, shown):
-    parts, listener = parts_of(), Listener()
+    parts, listener = parts_of(*QUICK), Listener()
     broken = replace(parts, verifier=Wrapped(parts.verifier, verify=verify))
     record = run_episode(broken, EpisodeRequest(seed=1), listener)
     assert tuple(listener.records) == ORDER
@@ -248,7 +249,7 @@ def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, ver
     ids=["crash", "none"],
 )
 def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, shown):
-    parts = parts_of()
+    parts = parts_of(*QUICK)
     broken = replace(parts, memory=Wrapped(parts.memory, recall=method, learn=method))
     record = run_episode(broken, EpisodeRequest(seed=1))
     assert record.success_check.relaxed
