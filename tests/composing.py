@@ -25,7 +25,7 @@ def composition(command: str, *overrides: str) -> DictConfig:
         return compose(command, overrides=list(overrides))
 
 
-def composed(registry: Registry, command: str, *overrides: str) -> Any:
+def composed(command: str, *overrides: str) -> Any:
     """A new configuration: components and values are put into what Hydra composes of the other overrides."""
     given = ComponentSource("tests", "gvla2://")
     parsed = OverridesParser.create().parse_overrides(list(overrides))
@@ -34,7 +34,7 @@ def composed(registry: Registry, command: str, *overrides: str) -> Any:
         name, value = one.key_or_group, one.value()
         if one.type == OverrideType.CHANGE and given.is_config(f"{name}/{value}"):
             changes.append((name, given.load_config(f"{name}/{value}").config))
-        elif one.type == OverrideType.CHANGE and name not in {*registry.groups, *CHOICES}:
+        elif one.type == OverrideType.CHANGE and not given.is_group(name) and name not in CHOICES:
             changes.append((name, value))
         else:
             others.append(str(one.input_line))
@@ -47,6 +47,6 @@ def composed(registry: Registry, command: str, *overrides: str) -> Any:
 def bench_config(registry: Registry, *overrides: str) -> BenchConfig:
     """A new one of ``gvla2 bench``."""
     register(registry, schemas() | suite_schemas())
-    made = composed(registry, "bench", *(re.sub("^suite=", "bench_suite=", word) for word in overrides))
+    made = composed("bench", *(re.sub("^suite=", "bench_suite=", word) for word in overrides))
     assert isinstance(made, BenchConfig)
     return made

@@ -117,7 +117,7 @@ def compose_run(registry: Registry, tmp_path: Path):
     register(registry, schemas())
 
     def compose(*overrides: str) -> RunConfig:
-        config = composed(registry, "run", "quiet=true", *overrides)
+        config = composed("run", "quiet=true", *overrides)
         assert isinstance(config, RunConfig)
         if not any(o.startswith(("memory=", "memory.url=")) for o in overrides):
             config.memory.url = f"sqlite:///{tmp_path / 'memory.db'}"

@@ -10,8 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
 
 from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components, run_episodes, success_rate
@@ -19,6 +17,7 @@ from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.geometry.views import Views
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.plugins.hydra_config import register
+from tests.composing import composed
 from tests.quick import QUICK
 
 OUTCOMES = {"success", "perception", "nothing_matches", "ambiguous", "unreachable", "slipped", "tracking", "no_path",
@@ -67,9 +66,9 @@ class Altered:
 def parts(registry):
     """A run's parts, built once: three cubes, small pictures, no memory."""
     register(registry, schemas())
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
-        overrides = ["memory=none", "robot.image_size=160", "robot.video_size=16", "robot.video_fps=20"]
-        config = OmegaConf.to_object(compose("run", overrides=overrides))
+    config = composed(
+        "run", "memory=none", "robot.image_size=160", "robot.video_size=16", "robot.video_fps=20"
+    )
     built = build_components(config, registry)
     with closing(built.robot):
         yield built

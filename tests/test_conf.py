@@ -28,7 +28,7 @@ CONF = Path(__file__).parents[1] / "conf"
 
 
 def composed(*overrides: str, command: str = "run") -> Any:
-    config = OmegaConf.to_object(composition(command, *overrides))  # a new object each time
+    config = OmegaConf.to_object(composition(command, *overrides))
     assert isinstance(config, schemas()[command])
     return config
 

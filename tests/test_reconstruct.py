@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
 
 from gvla2 import cli
 from gvla2.commands.hydra_job import schemas, suite_schemas
@@ -29,7 +27,7 @@ from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.options import BranchOptions
-from tests.composing import composition
+from tests import composing
 from tests.scanning import write_gso
 
 ELEPHANT = Path(__file__).parent / "data" / "gso30_elephant"
@@ -72,9 +70,7 @@ def _registered(registry: Registry) -> None:
 
 
 def composed(views: Path, *overrides: str) -> ReconstructConfig:
-    asked = composition("reconstruct", *FAST, *overrides).copy()
-    asked.views = str(views)
-    config = OmegaConf.to_object(asked)
+    config = composing.composed("reconstruct", *FAST, f"views='{views}'", *overrides)
     assert isinstance(config, ReconstructConfig)
     return config
 
@@ -153,9 +149,9 @@ def test_a_planted_drift_is_undone_and_reported(folder: Path, tmp_path: Path, re
 
     drifting = with_component(registry, "reconstructor", lambda config: Drifted())
     register(drifting, SCHEMA)
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
-        words = ["reconstructor=own", f"views={folder}", "quiet=true"]
-        config = OmegaConf.to_object(compose("reconstruct", overrides=[*words, "frames=2"]))
+    config = composing.composed(
+        "reconstruct", "reconstructor=own", f"views={folder}", "quiet=true", "frames=2"
+    )
     record = reconstruct(config, drifting, tmp_path)
     reported = record.summary()["metrics"]
     solid = mallet()
@@ -248,7 +244,7 @@ def test_a_picture_that_fails_costs_no_geometry(folder: Path, tmp_path: Path, re
 @pytest.mark.parametrize("command", ["run", "reconstruct", "bench"])
 def test_the_branch_is_one_group_of_three_commands(registry: Registry, command: str):
     register(registry, schemas() | suite_schemas())
-    chosen = OmegaConf.to_object(composition(command, "branch=paper", "branch.axis=false"))
+    chosen = composing.composed(command, "branch=paper", "branch.axis=false")
     assert chosen.branch == BranchOptions(mode="paper", axis=False)
 
 

@@ -38,7 +38,7 @@ class Answering:
 @pytest.fixture(scope="module")
 def parts(registry):
     register(registry, schemas())
-    made = build_components(composed(registry, "run", *SMALL, "fallback=skill"), registry)
+    made = build_components(composed("run", *SMALL, "fallback=skill"), registry)
     with closing(made.robot), closing(made.memory):
         yield made
 
