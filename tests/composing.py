@@ -16,6 +16,14 @@ from gvla2.plugins.registry import Registry
 
 CHOICES = {"bench_suite", "depth_noise", "branch", "experiment", "data"}
 """Groups beside those of components."""
+_offered: dict[str, Any] = {}
+
+
+def offer(registry: Registry) -> None:
+    """Offer the components and every command's schema to Hydra, unless that was the last offer: it takes a tenth second."""
+    if _offered.get("registry") is not registry or _offered["choices"] is not ComponentSource.offered:
+        register(registry, schemas() | suite_schemas())
+        _offered.update(registry=registry, choices=ComponentSource.offered)
 
 
 @cache
@@ -46,7 +54,7 @@ def composed(command: str, *overrides: str) -> Any:
 
 def bench_config(registry: Registry, *overrides: str) -> BenchConfig:
     """A new one of ``gvla2 bench``."""
-    register(registry, schemas() | suite_schemas())
+    offer(registry)
     made = composed("bench", *(re.sub("^suite=", "bench_suite=", word) for word in overrides))
     assert isinstance(made, BenchConfig)
     return made

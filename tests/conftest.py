@@ -15,11 +15,9 @@ from typing import Any
 
 import pytest
 
-from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import RunConfig, build_components
-from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
-from tests.composing import composed
+from tests.composing import composed, offer
 
 HEAD = """
 from dataclasses import dataclass, field
@@ -114,7 +112,7 @@ def registry() -> Registry:
 @pytest.fixture
 def compose_run(registry: Registry, tmp_path: Path):
     """Compose ``gvla2 run``'s configuration with overrides; its memory lives in the test's own folder."""
-    register(registry, schemas())
+    offer(registry)
 
     def compose(*overrides: str) -> RunConfig:
         config = composed("run", "quiet=true", *overrides)

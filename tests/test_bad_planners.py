@@ -11,7 +11,7 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2_plugins.skill.planner import SkillPlanner
 from tests.quick import QUICK
 
-SMALL = (*QUICK, "memory=none", "robot.video_fps=1", "seed=1")
+SMALL = (*QUICK, "memory=none", "seed=1")
 SOMEWHERE = Waypoint((0.3, 0.0, 0.9), 1.0, "approach")
 NOWHERE = replace(SOMEWHERE, xyz=(float("nan"), 0.0, 0.9))
 

@@ -11,13 +11,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components, run_episodes, success_rate
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.geometry.views import Views
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.plugins.hydra_config import register
-from tests.composing import composed
+from tests.composing import composed, offer
 from tests.quick import QUICK
 
 OUTCOMES = {"success", "perception", "nothing_matches", "ambiguous", "unreachable", "slipped", "tracking", "no_path",
@@ -65,7 +63,7 @@ class Altered:
 @pytest.fixture(scope="module")
 def parts(registry):
     """A run's parts, built once: three cubes, small pictures, no memory."""
-    register(registry, schemas())
+    offer(registry)
     config = composed(
         "run", "memory=none", "robot.image_size=160", "robot.video_size=16", "robot.video_fps=20"
     )

@@ -14,15 +14,14 @@ import pytest
 from omegaconf import OmegaConf
 
 from gvla2.commands import hydra_job
-from gvla2.commands.hydra_job import JobFunction, schemas, suite_schemas
+from gvla2.commands.hydra_job import JobFunction, schemas
 from gvla2.commands.run import RunConfig
 from gvla2.commands.sweeps import SweepFolder
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError
-from gvla2.plugins.hydra_config import register
 from gvla2.plugins.kinds import KINDS
 from gvla2.plugins.registry import Registry
-from tests.composing import composition
+from tests.composing import composition, offer
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -35,7 +34,7 @@ def composed(*overrides: str, command: str = "run") -> Any:
 
 @pytest.fixture(autouse=True)
 def _registered(registry: Registry) -> None:
-    register(registry, schemas() | suite_schemas())
+    offer(registry)
 
 
 @pytest.mark.parametrize("name", schemas())
@@ -169,16 +168,16 @@ def test_an_interrupt_and_wrong_usage_have_their_status(folder: Path):
 
 
 @pytest.mark.parametrize(
-    ("argv", "expected"),
+    ("command", "argv", "expected"),
     [
-        (["--help"], "gvla2 run task=push_block seed=3"),
-        (["--cfg", "job"], "planner:\n  name: skill\n"),
+        ("reconstruct", ["--help"], "gvla2 reconstruct views=FOLDER prior=depth"),
+        ("run", ["--cfg", "job"], "planner:\n  name: skill\n"),
     ],
 )
 def test_flags_of_hydra_keep_working(
-    folder: Path, argv: list[str], expected: str, capfd: pytest.CaptureFixture[str]
+    folder: Path, command: str, argv: list[str], expected: str, capfd: pytest.CaptureFixture[str]
 ):
-    assert launch("run", job, argv) == 0
+    assert launch(command, job, argv) == 0
     assert expected in capfd.readouterr().out
     assert not (folder / "outputs").exists()
 

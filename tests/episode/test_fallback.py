@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
 from gvla2.episode.lessons import stories_of
 from gvla2.episode.loop import EpisodeRequest, run_episode
@@ -13,11 +12,10 @@ from gvla2.episode.planning import NamedPlanner, PlannerWithFallback
 from gvla2.language import MalformedAnswerError, ModelUnavailableError
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.trajectory import Trajectory
-from gvla2.plugins.hydra_config import register
-from tests.composing import composed
+from tests.composing import composed, offer
 from tests.quick import QUICK
 
-SMALL = (*QUICK, "robot.video_fps=1", "memory=none")
+SMALL = (*QUICK, "memory=none")
 TALK = ({"role": "assistant", "content": "I cannot"},)
 
 
@@ -37,7 +35,7 @@ class Answering:
 
 @pytest.fixture(scope="module")
 def parts(registry):
-    register(registry, schemas())
+    offer(registry)
     made = build_components(composed("run", *SMALL, "fallback=skill"), registry)
     with closing(made.robot), closing(made.memory):
         yield made

@@ -27,6 +27,7 @@ ORDER = (
 SEEN = (
     "perceiver=classical",
     "robot.image_size=160",
+    "robot.video_fps=5",
     "robot.cameras=[front,left_shoulder,right_shoulder,wrist]",
 )
 

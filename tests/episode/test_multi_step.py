@@ -16,7 +16,7 @@ from gvla2.record.recorder import RunRecorder
 from gvla2.skills.carry_out import carry_out
 from tests.quick import QUICK
 
-SMALL = (*QUICK, "robot.video_fps=2", "task=pick_and_lift")
+SMALL = (*QUICK, "task=pick_and_lift")
 PART = ["observe", "perceive", "reconstruct", "plan", "check", "execute", "verify"]
 LEFT = (0.0, 1.0)
 
