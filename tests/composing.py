@@ -20,7 +20,7 @@ _offered: dict[str, Any] = {}
 
 
 def offer(registry: Registry) -> None:
-    """Offer the components and every command's schema to Hydra, unless that was the last offer: it takes a tenth second."""
+    """Offer the components and every command's schema to Hydra, which takes a while, unless that was the last offer."""
     if _offered.get("registry") is not registry or _offered["choices"] is not ComponentSource.offered:
         register(registry, schemas() | suite_schemas())
         _offered.update(registry=registry, choices=ComponentSource.offered)
