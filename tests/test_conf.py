@@ -45,20 +45,16 @@ def test_every_primary_configuration_composes(name: str):
 def test_every_file_of_conf_is_a_choice_that_composes():
     files = sorted(p.relative_to(CONF).with_suffix("") for p in CONF.rglob("*.yaml"))
     assert {p.parts[0] for p in files if len(p.parts) == 1} == set(schemas())
-    choices: dict[str, dict[str, list[str]]] = {"run": {}, "bench": {}}
+    runs: dict[str, list[str]] = {}
     for choice in (p for p in files if len(p.parts) > 1):
         group, name = choice.parent.as_posix(), choice.name
         suite = re.search(r"override /bench_suite: \w+", (CONF / choice).with_suffix(".yaml").read_text())
-        command = "bench" if suite or group in ("bench_suite", "data") else "run"
-        plus = "+" if command == "run" and group == "experiment" else ""
-        choices[command].setdefault(plus + group, []).append(f"{plus}{group}={name}")
-    for command, groups in choices.items():
-        suites = [[word] for word in groups.pop("bench_suite", [])]  # an experiment chooses its own
-        for row in [
-            *zip_longest(*groups.values()),
-            *suites,
-        ]:  # composing is slow: one of every group at a time
-            composed(*filter(None, row), command=command)
+        if suite or group in ("bench_suite", "data"):
+            composed(f"{group}={name}", command="bench")
+        else:
+            runs.setdefault(group, []).append(f"{'+' if group == 'experiment' else ''}{group}={name}")
+    for row in zip_longest(*runs.values()):  # composing is slow: one of every group at a time
+        composed(*filter(None, row))
 
 
 def test_every_component_is_a_choice(registry: Registry):
@@ -95,7 +91,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def launch(command: str, job: JobFunction, argv: list[str]) -> int:
-    return hydra_job.launch(command, schemas(), job, argv)
+    return hydra_job.launch(command, {command: schemas()[command]}, job, argv)
 
 
 def job(config: RunConfig, registry: Registry, folder: Path) -> float:
