@@ -95,9 +95,5 @@ class MemoryStoreError(Gvla2Error):
     """The memory's database is locked, corrupt, of a newer schema or not writable."""
 
 
-class WrongTypeError(Gvla2Error, TypeError):
-    """A call was given something of another type than it takes."""
-
-
 class OutputError(Gvla2Error):
     """A result could not be written."""

@@ -36,7 +36,6 @@ class Made:
 
 EXTRAS = {
     "agents/test_bench_agents.py": "minisweagent",
-    "agents/test_sandbox.py": "minisweagent",
     "agents/test_solving.py": "minisweagent",
     "gym": "gymnasium",
     "plugins/test_llama_cpp.py": "xllamacpp",

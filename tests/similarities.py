@@ -1,26 +1,23 @@
-"""What tests ask of a similarity besides what the house needs of it."""
+"""Similarities (4, 4) for tests: a rotation times a scale, and a shift."""
 
 import numpy as np
 
-from gvla2.reconstruction.sim3 import Sim3
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
 
 
-def inverse(of: Sim3) -> Sim3:
-    """From the target's frame back to the source's."""
-    return Sim3(1.0 / of.scale, of.rotation.T, -(of.rotation.T @ of.translation) / of.scale)
+def similarity(scale: float, rotation: FloatArray, shift: FloatArray) -> FloatArray:
+    """x -> scale * rotation @ x + shift."""
+    return rigid(scale * rotation, shift)
 
 
-def moved_poses(by: Sim3, world_from_camera: np.ndarray) -> np.ndarray:
+def scale_of(by: FloatArray) -> float:
+    """Target units a source unit."""
+    return float(np.cbrt(np.linalg.det(by[:3, :3])))
+
+
+def moved_poses(by: FloatArray, world_from_camera: np.ndarray) -> np.ndarray:
     """Camera poses (..., 4, 4) in the target's frame: centres are scaled, rotations stay rigid."""
     poses = np.array(world_from_camera, dtype=np.float64)
-    poses[..., :3, 3] = by.apply(poses[..., :3, 3])
-    poses[..., :3, :3] = by.rotation @ poses[..., :3, :3]
+    poses[..., :3, 3] = transform_points(by, poses[..., :3, 3])
+    poses[..., :3, :3] = by[:3, :3] / scale_of(by) @ poses[..., :3, :3]
     return poses
-
-
-def matrix(of: Sim3) -> np.ndarray:
-    """(4, 4) for homogeneous points."""
-    result = np.eye(4)
-    result[:3, :3] = of.scale * of.rotation
-    result[:3, 3] = of.translation
-    return result

@@ -53,7 +53,7 @@ def test_a_planner_that_hangs_ends_its_episode_and_no_other(run):
 def test_rubbish_is_the_failure_and_the_next_episode_goes_on(run):
     rubbish = {
         "dict, not a Plan": {"waypoints": []},
-        "three finite numbers": Plan(Trajectory((NOWHERE, NOWHERE))),
+        "a finite number": Plan(Trajectory((NOWHERE, NOWHERE))),
         "10000 waypoints": Plan(Trajectory((SOMEWHERE,) * 10_000)),
     }
     rows = run(*(lambda self, request, answer=answer: answer for answer in rubbish.values()))

@@ -75,7 +75,7 @@ def config_for(meshes: Path, tmp_path: Path, objects: tuple[str, ...] = (), **ch
         "surface_samples": 5000,
         "prior": depth_prior.DepthPriorConfig(name="depth"),
         "axis": axes.ContoursConfig(name="contours"),
-        "fusion": fusions.ResidualConfig(name="residual"),
+        "fusion": fusions.ShareConfig(name="residual"),
         "renderer": PlainConfig(name="raster"),
         "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),
         "workers": 1,
@@ -107,7 +107,7 @@ def test_every_cell_of_the_design_is_a_row_and_is_measured_once(meshes, parts, t
         r for drift in ("none", "planted") for r in rows if (r["drift"], r["variant"]) == (drift, "baseline")
     )
     assert planted["psnr"] < calm["psnr"], "the drift does harm"
-    assert "with the same prior" in (tmp_path / "first" / "index.html").read_text()
+    assert "A + B fusion" in (tmp_path / "first" / "index.html").read_text()
 
     assert run_bench(config, parts, tmp_path / "second") == 1
     again = rows_of(tmp_path / "second")

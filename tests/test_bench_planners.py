@@ -117,7 +117,7 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
         found = real(unit, registry)
         if unit.subject != "lamp_on":
             for cell in found:
-                cell.notes.pop("experience", None)
+                cell.notes.pop("stories", None)
         return found
 
     monkeypatch.setattr(robot, "run_unit", only_the_lamp_teaches)

@@ -29,7 +29,7 @@ print(json.dumps(ray.get_runtime_context().gcs_address), flush=True)
 sys.stdin.read()  # until the test lets go
 ray.shutdown()
 """
-FAST = ("quiet=true", "frames=2", "reconstructor.resolution=16", "reconstructor.gaussians=300")
+FAST = ("quiet=true", "reconstructor.resolution=16", "reconstructor.gaussians=300")
 TIMEOUT = 240
 
 # A cluster runs whatever it is sent: this one takes work of those only who know a word made up here. Given in the

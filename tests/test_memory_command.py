@@ -224,7 +224,7 @@ def test_what_is_missing_is_named(run: Run, argv: list[str], message: str):
 
 
 def test_an_option_chooses_the_retriever(run: Run, tmp_path: Path):
-    status, out, err = run("search", "cup", "retriever=semantic", "limit=1", "--json")
+    status, out, err = run("search", "cup", "retriever={name: hybrid, top_k: 1}", "limit=1", "--json")
     assert (status, err) == (0, "")
     assert len(json.loads(out)["found"]) == 1
     assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith((".", "m.db"))) == []

@@ -27,9 +27,9 @@ def cell(job: int, succeeded: int, status: str = "ok", run: int = 1, **factors: 
         "seconds": 3.0,
         "tokens": 10 * job,
     }
-    return Cell(
-        f"{run}-{job}", {"job": job, **factors}, measures, {"status": status, "folder": f"/f/{job}"}, run
-    )
+    layouts = [[2 * job + k, k < succeeded, False] for k in range(2)]
+    notes = {"status": status, "folder": f"/f/{job}", "layouts": layouts}
+    return Cell(f"{run}-{job}", {"job": job, **factors}, measures, notes, run)
 
 
 def test_jobs_that_differ_in_their_seed_alone_are_one_row():

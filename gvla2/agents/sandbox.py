@@ -1,25 +1,22 @@
-"""The sandbox for agents: mini-swe-agent's bubblewrap environment with stricter arguments.
+"""The sandbox for agents: commands under bubblewrap.
 
 The host never opens, follows or executes a file that an agent wrote: commands inside the sandbox do it.
 """
 
 from __future__ import annotations
 
-import os
 import shlex
 import shutil
+import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from gvla2.agents.contracts import AgentTask, EnvironmentFailedError, Output
 from gvla2.errors import MissingDependencyError
 
-SUBMITTED = "COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
-"""mini-swe-agent's agents print this line when they are done."""
 _WRITABLE = {"app": "/app", "tmp": "/tmp", "home": "/home/agent", "logs": "/logs"}
 """Folders of the host, and where commands under bubblewrap see them; the first is the working folder."""
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
@@ -33,10 +30,10 @@ cd {folder} 2>/dev/null || cd /
 o=/dev/shm/output
 timeout -k 1 {seconds:g} {words} >$o 2>&1 </dev/null & command=$!
 while sleep 0.5; do
-  [ "$(du -smc {writable} 2>/dev/null | tail -n 1 | cut -f 1)" -gt {disk_mb} ] && exit
+  [ "$(du -smc {writable} 2>/dev/null | tail -n 1 | cut -f 1)" -gt {disk_mb} ] && touch $o.full && kill -KILL $command
 done &
-wait -n; status=$?
-if kill -0 $command 2>/dev/null; then status=137; echo "[Ended: the files are larger than {disk_mb} MB.]"; fi
+wait $command 2>/dev/null; status=$?
+if [ -e $o.full ]; then status=137; echo "[Ended: the files are larger than {disk_mb} MB.]"; fi
 n=$(stat -c %s $o)
 if [ $n -le {output} ]; then cat $o
 else head -c {half} $o; echo; echo "[... $((n - 2 * {half})) bytes cut ...]"; tail -c {half} $o; fi
@@ -46,7 +43,7 @@ exit $status
 
 
 class BubblewrapSandbox:
-    """A :class:`~gvla2.agents.contracts.Sandbox` of Linux namespaces around mini-swe-agent's environment.
+    """A :class:`~gvla2.agents.contracts.Sandbox` of Linux namespaces.
 
     Commands get no network, no other process, and none of the host's variables or files but its programs. ``root`` is a
     folder of the host for what they write: the working folder, ``/tmp``, the home, ``/logs``. The files may take
@@ -56,33 +53,28 @@ class BubblewrapSandbox:
     folder = _WRITABLE["app"]
 
     def __init__(self, root: Path, disk_mb: float = 512, memory_mb: float = 4096) -> None:
-        prepare_minisweagent()
-        from minisweagent.environments.extra.bubblewrap import BubblewrapEnvironment
-
         if (program := shutil.which("bwrap")) is None:
             raise MissingDependencyError(
                 "the program 'bwrap'", "Running an agent in a sandbox", "apt install bubblewrap (LGPL-2.0)"
             )
         for name in _WRITABLE:
             (root / name).mkdir(parents=True, exist_ok=True)
-        self._environment: Any = BubblewrapEnvironment(
-            executable=shutil.which("env", path=_PATH) or "env",
-            wrapper_args=["-i", program, *_namespaces(root, int(disk_mb))],
-            cwd=str(root / "app"),
-            env=_VARIABLES,
-        )
-        self._arguments: list[str] = self._environment.config.wrapper_args
+        self._arguments = [program, *_namespaces(root, int(disk_mb))]
         self._disk_mb, self._memory_mb = int(disk_mb), int(memory_mb)
 
     def run(
-        self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
+        self,
+        command: str,
+        *,
+        seconds: float = 60.0,
+        variables: Mapping[str, str] | None = None,
+        shown: Mapping[Path, str] | None = None,
     ) -> Output:
         """Run a command by bash in the working folder; it ends after ``seconds`` or when it fills the disk.
 
-        A command that cannot be started (a NUL byte, too long) is an output with status 126.
+        It sees the folders ``shown`` of the host, read-only, at these places; links in them lead nowhere on the host. A
+        command that cannot be started (a NUL byte, too long) is an output with status 126.
         """
-        from minisweagent.exceptions import Submitted
-
         pairs = [f"{name}={value}" for name, value in (variables or {}).items()]
         guarded = _GUARDED.format(
             file_blocks=self._disk_mb * 1024,
@@ -95,33 +87,35 @@ class BubblewrapSandbox:
             seconds=seconds,
             words=shlex.join(["env", *pairs, "bash", "-c", command]),
         )
+        mounts = [word for folder, at in (shown or {}).items() for word in ("--ro-bind", str(folder), at)]
         begun = time.monotonic()
         try:
-            answer = self._environment.execute({"command": guarded}, timeout=int(seconds) + 10)
-        except Submitted as done:  # the environment consumed the line that says so
-            text = f"{SUBMITTED}\n{done.messages[0].get('content', '')}"
-            return Output(_printable(text), 0, time.monotonic() - begun)
-        spent, status = time.monotonic() - begun, int(answer["returncode"])
-        if failure := answer.get("extra"):
-            timed_out = failure["exception_type"] == "TimeoutExpired"
-            why = "" if timed_out else f"The command cannot be run: {failure['exception']}"
-            return Output(_printable(answer["output"] + why), 137 if timed_out else 126, spent, timed_out)
-        return Output(_printable(answer["output"]), status, spent, status in (124, 137) and spent >= seconds)
-
-    @contextmanager
-    def mounted(self, folder: Path, at: str) -> Iterator[None]:
-        """Context manager that shows commands a host folder, read-only; links in it lead nowhere on the host."""
-        shown = ["--ro-bind", str(folder), at]
-        self._arguments += shown
-        try:
-            yield
-        finally:
-            del self._arguments[-len(shown) :]
+            # Bubblewrap itself gets no variable either: its environment is readable in the sandbox.
+            done = subprocess.run(
+                [*self._arguments, *mounts, "bash", "-c", guarded],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env={},
+                timeout=seconds + 10,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            return Output("", 137, time.monotonic() - begun, timed_out=True)
+        except (OSError, ValueError) as error:
+            return Output(f"The command cannot be run: {error}", 126, time.monotonic() - begun)
+        spent, late = time.monotonic() - begun, done.returncode in (124, 137)
+        return Output(
+            _printable(done.stdout.decode(errors="replace")),
+            done.returncode,
+            spent,
+            late and spent >= seconds,
+        )
 
 
 def _namespaces(root: Path, disk_mb: int) -> list[str]:
     """Bubblewrap's arguments: everything unshared, programs read-only, ``root``'s folders writable."""
     words = ["--unshare-all", "--die-with-parent", "--new-session", "--clearenv"]
+    words += [word for name, value in _VARIABLES.items() for word in ("--setenv", name, value)]
     words += ["--uid", "1000", "--gid", "1000", "--hostname", "sandbox", "--ro-bind", "/usr", "/usr"]
     for place in map(Path, ("/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32")):
         if place.is_symlink():
@@ -133,7 +127,7 @@ def _namespaces(root: Path, disk_mb: int) -> list[str]:
     words += ["--dev", "/dev", "--size", str(disk_mb << 20), "--tmpfs", "/dev/shm", "--proc", "/proc"]
     for name, at in _WRITABLE.items():
         words += ["--bind", str(root / name), at]
-    return words
+    return [*words, "--chdir", _WRITABLE["app"]]
 
 
 @contextmanager
@@ -157,12 +151,6 @@ def bubblewrap(task: AgentTask) -> Iterator[BubblewrapSandbox]:
         if tried.status != 0:
             raise EnvironmentFailedError(f"bubblewrap cannot run a command here: {tried.text.strip()[-200:]}")
         yield sandbox
-
-
-def prepare_minisweagent() -> None:
-    """Keep mini-swe-agent, whose import writes a settings file and prints a banner, quiet and out of the home."""
-    os.environ.setdefault("MSWEA_SILENT_STARTUP", "1")
-    os.environ.setdefault("MSWEA_GLOBAL_CONFIG_DIR", str(Path(tempfile.gettempdir(), "gvla2-mini-swe")))
 
 
 def _printable(text: str) -> str:

@@ -87,15 +87,14 @@ class MemoryRequest:
         Raises :class:`MemoryStoreError` for a database that is absent, locked or corrupt, :class:`NotFoundError` for a
         missing bank.
         """
-        from gvla2.memory.store import Store, wrong_bank_name
+        from gvla2.memory.store import Store, check_bank
 
         path = Path(self.url.partition(":///")[2].partition("?")[0])
         if not create and self.url.startswith("sqlite") and not os.path.exists(path):  # noqa: PTH110  # too long names
             raise MemoryStoreError(
                 f"There is no memory at {path} yet: `gvla2 run` and `gvla2 memory import` make one; url= names another."
             )
-        if wrong := wrong_bank_name(self.config.bank):
-            raise ConfigurationError(wrong)
+        check_bank(self.config.bank)
         with Store.open(self.url, busy_seconds=self.config.busy_seconds, create=create) as store:
             banks = store.banks()
             if self.config.bank not in banks and not create:
@@ -169,9 +168,9 @@ def show(request: MemoryRequest) -> Answer:
     for link in links:
         forward = link.source == record.id
         rows.append(("link", f"{link.kind} {link.target}" if forward else f"{link.kind} of {link.source}"))
-    changes = [_columns(event, "scores", "change") | {"erased": event.erased} for event in events]
+    changes = [_parsed(event._mapping, "scores", "change") | {"erased": not event.salt} for event in events]
     return Answer(
-        {"record": _columns(record), "links": links, "events": changes},
+        {"record": _columns(record), "links": [link._asdict() for link in links], "events": changes},
         [_table(("field", "value"), rows), _events_table(changes)],
     )
 
@@ -220,12 +219,14 @@ def verify(request: MemoryRequest) -> Answer:
 
 def import_records(request: MemoryRequest) -> Answer:
     """Read JSON lines; the exit status is 1 when lines could not be read (the others are stored)."""
+    from gvla2.memory.transfer import import_jsonl
+
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
     if not os.path.exists(path):  # noqa: PTH110  # too long names; before a database is made for nothing
         raise MemoryStoreError(f"There is nothing at {path}. Give a .jsonl file.")
     with request.knowledge_bank(create=True) as bank:
-        done = bank.import_(path, trusted=config.trusted)
+        done = import_jsonl(bank, path, trusted=config.trusted)
     new = count(len(done.added) + len(done.held_back), "record")
     lines = [f"New in the bank '{config.bank}': {new}; known already: {done.known}."]
     if done.held_back:
@@ -244,9 +245,10 @@ def export(request: MemoryRequest) -> Answer:
     """Write the bank as a file of JSON lines that import reads."""
     from gvla2.memory.transfer import export_jsonl
 
+    path = Path(request.words[0]).expanduser()
     with request.store() as store:
-        done = export_jsonl(store, request.config.bank, Path(request.words[0]).expanduser())
-    return Answer(done, [f"{count(done.records, 'record')}: {done.file}."])
+        records = export_jsonl(store, request.config.bank, path)
+    return Answer({"file": path, "records": records}, [f"{count(records, 'record')}: {path}."])
 
 
 def forget(request: MemoryRequest) -> Answer:
@@ -276,7 +278,7 @@ def _confirmed() -> bool:
 VERBS: Mapping[str, tuple[Callable[[MemoryRequest], Answer], Mapping[str, str | None], Sequence[str]]] = {
     "list": (list_records, {}, ("limit=20",)),
     "show": (show, {"ID": None}, ()),
-    "search": (search, {"WORDS": "+"}, ("retriever=semantic", "embedder=minilm", "limit=20")),
+    "search": (search, {"WORDS": "+"}, ("retriever={name: hybrid, top_k: 9}", "embedder=minilm", "limit=20")),
     "verify": (verify, {}, ("head=SEQ:HASH",)),
     "import": (import_records, {"PATH": None}, ("trusted=true",)),
     "export": (export, {"PATH": None}, ()),
@@ -376,10 +378,15 @@ def _events_table(events: Sequence[Mapping[str, Any]]) -> Table:
     return _table(("event", "time", "who", "action", "why"), rows)
 
 
-def _columns(row: Any, *names: str) -> dict[str, Any]:
-    """A record's or event's fields with JSON columns parsed; a damaged one stays text."""
-    data: dict[str, Any] = {f.name: getattr(row, f.name) for f in dataclasses.fields(row)}
-    for name in names or ("verifier", "signature", "effect", "provenance"):
+def _columns(record: Record) -> dict[str, Any]:
+    """A record's fields with JSON columns parsed."""
+    return _parsed(dataclasses.asdict(record), "verifier", "signature", "effect", "provenance")
+
+
+def _parsed(columns: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    """The columns, those of these names as the JSON that they hold; a damaged one stays text."""
+    data = dict(columns)
+    for name in names:
         with suppress(ValueError):
             data[name] = json.loads(data[name]) if data[name] else None
     return data

@@ -39,8 +39,7 @@ class ReconstructConfig:
     ``views`` is their folder, ``views_spec`` which of them are the input (``0-4``, or ``[0-4,7]`` where a comma is
     needed; by default the protocol's 0-4 of a GSO-30 tree and all of another folder), ``size`` their longer side in
     pixels. ``targets`` are views held out to judge by, ``truth`` is a mesh file in the views' frame. ``object`` is the
-    name to show, the folder's by default; ``frames`` the turntable's pictures; ``quiet`` leaves only errors on the
-    terminal.
+    name to show, the folder's by default; ``quiet`` leaves only errors on the terminal.
     """
 
     views: str | None = None
@@ -49,7 +48,6 @@ class ReconstructConfig:
     targets: Any = None
     truth: str | None = None
     object: str | None = None
-    frames: int = 12
     quiet: bool = False
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
     prior: ComponentConfig = field(default_factory=ComponentConfig)
@@ -63,8 +61,6 @@ class ReconstructConfig:
         self.targets = spec_of("targets", self.targets)
         if self.size is not None and self.size < 8:
             raise ConfigurationError(f"size is {self.size}; views need at least 8 pixels.")
-        if not 2 <= self.frames <= 120:
-            raise ConfigurationError(f"frames is {self.frames}; the page's turntable has 2 to 120.")
 
 
 def spec_of(option: str, value: Any) -> str | None:
@@ -149,7 +145,7 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
         record = replace(record, measures=measures)
         steps.report("measure", ", ".join(measures.groups).replace("_", " "))
         with steps.step("draw"):
-            pictures = recorder.pictures(record, built["renderer"], config.frames)
+            pictures = recorder.pictures(record)
         page = recorder.page(record, pictures)
         steps.report("draw", "; ".join(recorder.notes) or "pictures and page", warn=bool(recorder.notes))
         progress.say(summary_line(record))
@@ -201,7 +197,7 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
 
     Raises :class:`ConfigurationError` without a folder, :class:`GeometryError` for files that cannot be used.
     """
-    from gvla2.geometry.view_folders import ARCHIVE, read_views, subject_of
+    from gvla2.geometry.view_folders import read_views, subject_of
 
     if not config.views:
         raise ConfigurationError(
@@ -210,7 +206,7 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
         )
     folder = Path(config.views).expanduser()
     views = _masked(read_views(folder, config.views_spec, config.size), folder)
-    name = config.object or subject_of(folder / ARCHIVE) or folder.resolve().name
+    name = config.object or subject_of(folder) or folder.resolve().name
     return Inputs(name, folder, views, _held_out(folder, config, views), _truth(config, views))
 
 

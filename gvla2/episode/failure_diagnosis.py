@@ -13,7 +13,7 @@ import numpy as np
 from gvla2.episode.evidence import correspond
 from gvla2.episode.record import EpisodeRecord
 from gvla2.planning.contracts import Plan
-from gvla2.planning.effects import BEFORE, Ban, Bound, Effect, Order, as_shares, look_of
+from gvla2.planning.effects import Ban, Bound, Effect, as_shares, look_of
 from gvla2.planning.scene import SceneObject
 from gvla2.planning.skill import EMPTY, Outcome, Reached, Signal, Skill
 from gvla2.planning.trajectory import Waypoint
@@ -24,8 +24,6 @@ CLEARANCE_MARGIN = 0.03
 """Metres added to the clearance at which something was touched."""
 DEPTH_MARGIN = 0.005
 """Minimum increase of the grasp depth after a slip, metres; a tenth of the object's height if that is more."""
-DROP = 0.03
-"""Metres lower that count as putting down rather than as play of the stop; and sideways, as the same place."""
 
 
 def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> list[Signal]:
@@ -38,12 +36,7 @@ def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> l
         return []
     plan, report = record.plan, record.report
     theme = theme_of(record)
-    found = [
-        _slip(plan, report, theme),
-        _touch(plan, report),
-        _opened_early(plan, report),
-        _unreachable(plan, report),
-    ]
+    found = [_slip(plan, report, theme), _touch(plan, report), _unreachable(plan, report)]
     short = _fell_short(record, skills.get(plan.skill), theme)
     if short is not None:
         if report.completed and any(s is not None and s.kind in ("slip", "missed_grasp") for s in found):
@@ -87,10 +80,8 @@ def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject |
     It is asked about motions that ran to their end, or that the object may have blocked: it was lost, or the hand made
     no progress.
     """
-    plan, report, before, after = record.plan, record.report, record.scene, record.after_scene
-    if skill is None or skill.diagnose is None or theme is None:
-        return None
-    if plan is None or report is None or before is None or after is None:
+    report, after, given = record.report, record.after_scene, record.planned
+    if skill is None or skill.diagnose is None or theme is None or report is None or after is None:
         return None
     stopped = report.abort.abort if report.abort is not None else ""
     if stopped and not (skill.held_back and stopped in ("slipped", "tracking")):
@@ -98,44 +89,39 @@ def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject |
     reached = tuple(
         Reached(r.index, r.stage, r.gripper_width, r.status == "guarded", r.error) for r in report.waypoints
     )
-    later = correspond(before, after).of
-    return skill.diagnose(Outcome(plan, before, theme, later, reached, stopped == "slipped", after))
+    later = correspond(given.scene, after).of
+    return skill.diagnose(
+        Outcome(given.plan, given.scene, theme, later, reached, stopped == "slipped", after)
+    )
 
 
-def _planned(plan: Plan, report: WaypointReport) -> Waypoint | None:
+def _followed(plan: Plan, report: ExecutionReport) -> list[tuple[WaypointReport, Waypoint, bool]]:
+    """Each executed waypoint with its plan, and whether the hand opens there."""
     waypoints = plan.trajectory.waypoints if plan.trajectory else ()
-    return waypoints[report.index] if report.index < len(waypoints) else None
+    before = (1.0, *(w.gripper for w in waypoints))
+    done = ((r, waypoints[r.index]) for r in report.waypoints if r.index < len(waypoints))
+    return [(r, w, w.gripper > before[r.index] + 1e-6) for r, w in done]
 
 
 def _slip(plan: Plan, report: ExecutionReport, theme: SceneObject | None) -> Signal | None:
     """Held, then lost before the command to open; by the fingers' gap, if the robot cannot feel a grasp."""
     held = gap = False
-    for done in report.waypoints:
-        waypoint = _planned(plan, done)
-        if waypoint is not None and _lets_go(plan, done):
+    for done, waypoint, opens in _followed(plan, report):
+        if opens:
             held = gap = False
             continue
-        carrying = waypoint is not None and bool(waypoint.carries)
         lost = (held and done.held is False) or (gap and done.gripper_width <= EMPTY)
-        if carrying and ((done.abort == "slipped" and held) or lost):
+        if waypoint.carries and ((done.abort == "slipped" and held) or lost):
             # The depth learned for one object says nothing about another in the same plan.
             others = {i for role, i in plan.roles.items() if role.startswith("theme_")}
-            own = waypoint is not None and waypoint.carries not in others - {theme.id if theme else ""}
-            return Signal(
-                "slip", "the object slipped out of the fingers", _deeper(plan, theme) if own else None
-            )
+            own = waypoint.carries not in others - {theme.id if theme else ""}
+            deeper = _deeper(plan, theme) if own else None
+            return Signal("slip", "the object slipped out of the fingers", deeper)
         if done.abort == "slipped":
             return Signal("missed_grasp", "the fingers closed on nothing")
         held = held or done.held is True
-        gap = gap or (carrying and done.gripper_width > EMPTY)
+        gap = gap or (bool(waypoint.carries) and done.gripper_width > EMPTY)
     return None
-
-
-def _lets_go(plan: Plan, report: WaypointReport) -> bool:
-    """Whether the hand opens at this waypoint."""
-    waypoints = plan.trajectory.waypoints if plan.trajectory else ()
-    before = waypoints[report.index - 1].gripper if report.index else 1.0
-    return waypoints[report.index].gripper > before + 1e-6
 
 
 def _deeper(plan: Plan, theme: SceneObject | None) -> Effect | None:
@@ -153,9 +139,8 @@ def _deeper(plan: Plan, theme: SceneObject | None) -> Effect | None:
 
 def _touch(plan: Plan, report: ExecutionReport) -> Signal | None:
     """Contact or a collision on the way where none was allowed."""
-    for done in report.waypoints:
-        waypoint = _planned(plan, done)
-        if waypoint is None or waypoint.allowed_contacts or waypoint.guard:  # contact was meant
+    for done, waypoint, _ in _followed(plan, report):
+        if waypoint.allowed_contacts or waypoint.guard:  # contact was meant
             continue
         # Fingers touch what they carry; then only the executor's own report counts.
         if done.abort == "collision" or (done.contacts and not waypoint.carries and not done.held):
@@ -167,58 +152,15 @@ def _touch(plan: Plan, report: ExecutionReport) -> Signal | None:
     return None
 
 
-def _opened_early(plan: Plan, report: ExecutionReport) -> Signal | None:
-    """The hand released its object high up, and then went down empty over the same place.
-
-    Measured: a grasp was felt before and none after, and a later stage of the plan is where the object should have been
-    put down. That stage then comes before the one that opened the hand.
-    """
-    held = False
-    for done in report.waypoints:
-        waypoint = _planned(plan, done)
-        if waypoint is None:
-            return None
-        if held and waypoint.carries and _lets_go(plan, done):
-            return _lowered_after(plan, report, done)
-        held = done.held is True
-    return None
-
-
-def _lowered_after(plan: Plan, report: ExecutionReport, opened: WaypointReport) -> Signal | None:
-    for done in report.waypoints:
-        waypoint = _planned(plan, done)
-        if done.index <= opened.index or waypoint is None:
-            continue
-        if waypoint.carries or waypoint.gripper < 0.5 or done.held:
-            return None  # the hand has started something else
-        aside = float(np.linalg.norm(np.subtract(done.reached[:2], opened.reached[:2])))
-        lower = opened.reached[2] - done.reached[2]
-        if lower > DROP and aside < DROP and waypoint.stage and waypoint.stage != opened.stage:
-            order = Order(f"{waypoint.stage}{BEFORE}{opened.stage}", skill=plan.skill)
-            return Signal("opened_early", "the hand let go before it had put the object down", order)
-    return None
-
-
 def _unreachable(plan: Plan, report: ExecutionReport) -> Signal | None:
-    """The arm could not get there; the approach is forbidden only if the plan had found another that works."""
+    """The arm could not get there; the approach is forbidden only if the plan had found another that works.
+
+    It is the most specific name of the approach taken that some other viable candidate does not need.
+    """
     stopped = report.abort
     if stopped is None or stopped.abort not in ("unreachable", "no_path"):
         return None
-    name = _replaceable(plan)
+    taken, *others = [c.approaches for c in plan.candidates if not c.rejected] or [()]
+    name = next((a for a in reversed(taken) if any(a not in other for other in others)), "")
     forbid = Ban(name, skill=plan.skill) if name else None
     return Signal("unreachable", f"the arm found no way at '{stopped.stage}'", forbid)
-
-
-def _replaceable(plan: Plan) -> str:
-    """The most specific name of the approach taken that some other viable candidate does not need; "" for none.
-
-    Candidates without named approaches cannot be distinguished: then any other one will do.
-    """
-    viable = [c for c in plan.candidates if not c.rejected]
-    if len(viable) < 2:
-        return ""
-    taken, others = viable[0].approaches, viable[1:]
-    if taken:
-        return next((a for a in reversed(taken) if any(a not in c.approaches for c in others)), "")
-    approach = approach_of(plan)
-    return f"approach:{approach}" if approach else ""

@@ -15,34 +15,23 @@ from typing import Any, cast
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import Gvla2Error
-from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.appearance import vertex_colours
 from gvla2.reconstruction.branch import BranchComponents, refine_geometry
-from gvla2.reconstruction.carving import Field, hull_field, surface_of
-from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Reconstructor, Renderer
-from gvla2.reconstruction.depth_evidence import camera_scale
-from gvla2.reconstruction.inset import inset, outward_normals
+from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.options import BranchOptions
-from gvla2.reconstruction.silhouette import depth_map, mask_silhouettes
-from gvla2.reconstruction.surfels import surfels
 
-REFERENCE, CARVING = "baseline", "carving"
+REFERENCE = "baseline"
 VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
     {
         REFERENCE: None,
-        CARVING: None,
         "a_prior_appearance": {"soft_hull": False, "axis": False, "fusion": False},
         "a_soft_hull": {"axis": False, "fusion": False},
         "b_axis": {"prior": False, "appearance": False, "soft_hull": False, "fusion": False},
         "ab_fusion": {},
     }
 )
-"""The rows by name, with the stages that each disables; None means no branch: G0, or the hull carved by depth."""
-SURFELS = 15_000
-"""Gaussians of a carved hull where G0 has none."""
+"""The rows by name, with the stages that each disables; None means no branch: G0."""
 
 
 def _learned(**errors: float) -> Mapping[str, Any]:
@@ -151,55 +140,12 @@ class Drift:
         return replace(g0, gaussians=gaussians, mesh=mesh)
 
 
-@dataclass(frozen=True)
-class AblationComponents(BranchComponents):
-    """The components that a bench runs with: the branch's, and what makes G0."""
-
-    reconstructor: Reconstructor
-
-
 def refined_row(
-    variant: str, g0: Reconstruction, views: Views, components: AblationComponents, options: BranchOptions
+    variant: str, g0: Reconstruction, views: Views, components: BranchComponents, options: BranchOptions
 ) -> tuple[Reconstruction, dict[str, Any]]:
     """A row's reconstruction from a (drifted) G0, and its notes."""
     switches = VARIANTS[variant]
-    if switches is not None:
-        refined = refine_geometry(g0, views, components, replace(options, **cast(dict[str, Any], switches)))
-        return refined.out, {"stages": [f"{stage.stage}: {stage.status}" for stage in refined.stages]}
-    estimate = components.prior.predict(views) if variant == CARVING else None
-    if estimate is None:
+    if switches is None:
         return g0, {"g0_status": g0.status}
-    count = SURFELS if g0.gaussians is None else len(g0.gaussians)
-    return _dressed(carved(views, estimate), views, count, components.renderer), {"g0_status": g0.status}
-
-
-def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> TriangleMesh:
-    """The visual hull without the voxels in front of a depth map: the plain use of the branch's prior.
-
-    Raises :class:`Gvla2Error` when nothing is left.
-    """
-    field = hull_field(views, resolution)
-    shape = field.values.shape
-    points, values = field.points(np.indices(shape).reshape(3, -1).T), field.values.ravel().copy()
-    for view, known in zip(views, prior.depth * camera_scale(prior, views), strict=True):
-        uv, z = view.camera.project(points)
-        inside = view.camera.inside(uv)
-        column, row = uv[inside].astype(np.intp).T
-        seen = known[row, column]
-        behind = np.where(seen > 0, z[inside] - seen, np.inf)  # metres along the camera's z
-        values[inside] = np.minimum(values[inside], behind)
-    try:
-        return surface_of(Field(values.reshape(shape), field.origin, field.step))
-    except ValueError as error:
-        raise Gvla2Error("Nothing is left of the object.") from error
-
-
-def _dressed(mesh: TriangleMesh, views: Views, count: int, renderer: Renderer) -> Reconstruction:
-    """A bare mesh with colours from the views and about ``count`` Gaussians on it, inset as the branch's are."""
-    shown, _ = mask_silhouettes(views)
-    normals = outward_normals(mesh)
-    depths = [depth_map(mesh, silhouette.camera) for silhouette in shown]
-    tolerance = 0.02 * float(np.ptp(mesh.vertices, axis=0).max())
-    colours, _ = vertex_colours(mesh, normals, shown, depths, tolerance)
-    mesh = TriangleMesh(mesh.vertices, mesh.faces, colours)
-    return inset(Reconstruction(surfels(mesh, normals, count), mesh), views, renderer)[0]
+    refined = refine_geometry(g0, views, components, replace(options, **cast(dict[str, Any], switches)))
+    return refined.out, {"stages": [f"{stage.stage}: {stage.status}" for stage in refined.stages]}

@@ -7,14 +7,12 @@ from the same explored episodes, and are frozen before the test.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 from pydantic import TypeAdapter
 
-from gvla2.episode.lessons import stories_of
-from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.components import given_options, options_of
 from gvla2.evaluation.config import MemoryArms
@@ -26,9 +24,7 @@ from gvla2.memory.contracts import (
     MemoryTask,
     Verdict,
 )
-from gvla2.planning.skill import Skill
 from gvla2.plugins.registry import Registry
-from gvla2.skills.table import STANDARD
 
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 CONTROLS = ("off", "shuffled")
@@ -118,34 +114,16 @@ def chosen_memory(config: MemoryArms, registry: Registry, arm: BenchArm, bank: s
     return {**{kind: getattr(config, kind) for kind in helpers}, "memory": options}
 
 
-@dataclass(frozen=True)
-class Experience:
-    """What memory learns from an explored episode, and the robot's own verdict, never the success check's."""
-
-    task: str
-    seed: int
-    episode: MemoryEpisode
-    verdict: Verdict
-
-    @classmethod
-    def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
-        """The experience of a record, one per attempt and part; none if all ended before anything could be learned."""
-        return tuple(cls(record.task, record.seed, *reported) for reported in stories_of(record, skills))
-
-    def to_json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Experience:
-        """From :meth:`to_json`'s object."""
-        return TypeAdapter(cls).validate_python(data)
+Story = tuple[MemoryEpisode, Verdict]
+"""What memory learns from an explored episode, and the robot's own verdict, never the success check's."""
+STORIES: TypeAdapter[tuple[Story, ...]] = TypeAdapter(tuple[Story, ...])
+"""Stories to JSON and back."""
 
 
-def teach(memory: Memory, experiences: Iterable[Experience]) -> None:
-    """Let a memory learn from experience, in its order."""
-    for one in experiences:
-        memory.learn(one.episode, one.verdict)
+def teach(memory: Memory, stories: Iterable[Story]) -> None:
+    """Let a memory learn from stories, in their order."""
+    for episode, verdict in stories:
+        memory.learn(episode, verdict)
 
 
 class Frozen:

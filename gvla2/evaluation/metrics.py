@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,7 +10,6 @@ from scipy.spatial import cKDTree
 
 from gvla2.errors import GeometryError
 from gvla2.evaluation.protocol import ObjectViews
-from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
@@ -20,27 +17,6 @@ from gvla2.reconstruction.contracts import Reconstruction, Renderer
 SURFACE_SAMPLES = 100_000
 SSIM_WINDOW = 7
 MEASURES = ("cd_surface", "cd_official", "psnr", "ssim")
-
-
-@dataclass(frozen=True)
-class Truth:
-    """An object's true shape, prepared for many comparisons.
-
-    ``surface`` (N, 3) area-weighted samples in the calibrated frame; ``vertices`` (V, 3) all vertices of the true mesh,
-    scaled to their own unit box; the trees hold the same points.
-    """
-
-    surface: FloatArray
-    vertices: FloatArray
-    surface_tree: cKDTree
-    vertex_tree: cKDTree
-
-    @classmethod
-    def of(cls, mesh: TriangleMesh, samples: int = SURFACE_SAMPLES, seed: int = 0) -> Truth:
-        """Sample a true mesh that lies in the calibrated frame."""
-        surface, _ = mesh.sample(samples, np.random.default_rng(seed))
-        vertices = unit_box(mesh.vertices)
-        return cls(surface, vertices, cKDTree(surface), cKDTree(vertices))
 
 
 def surface_points(
@@ -58,28 +34,15 @@ def surface_points(
     raise GeometryError("The reconstruction has neither a mesh nor Gaussians: no Chamfer distance.")
 
 
-def chamfer(points: FloatArray, truth: FloatArray, tree: cKDTree | None = None, workers: int = -1) -> float:
+def chamfer(points: FloatArray, truth: cKDTree, workers: int = -1) -> float:
     """Symmetric Chamfer distance, in thousandths of the frame's unit.
 
-    1000 * (mean distance of points (N, 3) to the nearest truth (M, 3) + mean distance the other way) / 2, Euclidean,
-    not squared. ``tree`` is the truth's k-d tree, if already built; ``workers`` threads, -1 for all cores.
+    1000 * (mean distance of points (N, 3) to the nearest of the truth + mean distance the other way) / 2, Euclidean,
+    not squared. ``truth`` is the k-d tree of its points; ``workers`` threads, -1 for all cores.
     """
-    there, _ = (cKDTree(truth) if tree is None else tree).query(points, workers=workers)
-    back, _ = cKDTree(points).query(truth, workers=workers)
+    there, _ = truth.query(points, workers=workers)
+    back, _ = cKDTree(points).query(truth.data, workers=workers)
     return float(500.0 * (np.mean(there) + np.mean(back)))
-
-
-def cd_surface(points: FloatArray, truth: Truth, workers: int = -1) -> float:
-    """Chamfer distance of surface points in the calibrated frame: position, scale and shape all count."""
-    return chamfer(points, truth.surface, truth.surface_tree, workers)
-
-
-def cd_official(vertices: FloatArray, truth: Truth, workers: int = -1) -> float:
-    """Chamfer distance of all vertices, each shape scaled to its own unit box, as the released evaluator takes it.
-
-    It hides errors of position and scale, and depends on a mesh's resolution.
-    """
-    return chamfer(unit_box(vertices), truth.vertices, truth.vertex_tree, workers)
 
 
 def unit_box(points: FloatArray) -> FloatArray:
@@ -116,51 +79,41 @@ def ssim(image: NDArray[np.floating], target: NDArray[np.floating]) -> float:
     )
 
 
-@dataclass(frozen=True)
-class ReconstructionScores:
-    """The measures by name (None: not measured), and which points the surface distance used."""
-
-    measures: Mapping[str, float | None]
-    cd_points: str
-
-
-@dataclass
 class ReconstructionJudge:
     """Measures reconstructions of one object; the truth is prepared once.
 
     ``workers`` is the number of threads for nearest neighbours, -1 for all cores; ``samples`` how many points of a
     surface are compared.
+
+    ``cd_surface`` compares surface points in the calibrated frame: position, scale and shape all count. ``cd_official``
+    compares all vertices, each shape scaled to its own unit box, as the released evaluator does: it hides errors of
+    position and scale, and depends on a mesh's resolution. ``psnr`` and ``ssim`` are means over the target views.
     """
 
-    views: ObjectViews
-    renderer: Renderer
-    workers: int = -1
-    samples: int = SURFACE_SAMPLES
-    _truth: Truth | None = field(init=False, repr=False)
-    _targets: list[NDArray[np.float32]] = field(init=False, repr=False)
+    def __init__(
+        self, views: ObjectViews, renderer: Renderer, workers: int = -1, samples: int = SURFACE_SAMPLES
+    ) -> None:
+        self._views, self._renderer, self._workers, self._samples = views.targets, renderer, workers, samples
+        self._targets = [(view.image / 255).astype(np.float32) for view in views.targets]
+        self._truth: tuple[cKDTree, cKDTree] | None = None
+        if views.mesh is not None:
+            surface, _ = views.mesh.sample(samples, np.random.default_rng(0))
+            self._truth = cKDTree(surface), cKDTree(unit_box(views.mesh.vertices))
 
-    def __post_init__(self) -> None:
-        self._truth = None if self.views.mesh is None else Truth.of(self.views.mesh, self.samples)
-        self._targets = [(view.image / 255).astype(np.float32) for view in self.views.targets]
-
-    def measure(self, made: Reconstruction) -> ReconstructionScores:
-        """All measures; the image measures are means over the target views."""
+    def measure(self, made: Reconstruction) -> tuple[dict[str, float | None], str]:
+        """All measures by name (None: not measured), and which points the surface distance used."""
         measures: dict[str, float | None] = dict.fromkeys(MEASURES)
         points = "none"
         if self._truth is not None:
             centres = None if made.gaussians is None else made.gaussians.centres.astype(np.float64)
-            surface, points = surface_points(made.mesh, centres, self.samples)
+            surface, points = surface_points(made.mesh, centres, self._samples)
             vertices = made.mesh.vertices if made.mesh is not None and points == "mesh" else surface
-            measures["cd_surface"] = cd_surface(surface, self._truth, self.workers)
-            measures["cd_official"] = cd_official(vertices, self._truth, self.workers)
+            measures["cd_surface"] = chamfer(surface, self._truth[0], self._workers)
+            measures["cd_official"] = chamfer(unit_box(vertices), self._truth[1], self._workers)
         if made.gaussians is not None:
-            images = self.pictures(made.gaussians)
+            cameras = [view.camera for view in self._views]
+            images = [np.clip(self._renderer.render(made.gaussians, camera)[0], 0, 1) for camera in cameras]
             pairs = list(zip(images, self._targets, strict=True))
             measures["psnr"] = float(np.mean([psnr(*pair) for pair in pairs]))
             measures["ssim"] = float(np.mean([ssim(*pair) for pair in pairs]))
-        return ReconstructionScores(measures, points)
-
-    def pictures(self, gaussians: Gaussians) -> list[NDArray[np.float32]]:
-        """The target views rendered on white, each (H, W, 3) in [0, 1]."""
-        cameras = [view.camera for view in self.views.targets]
-        return [np.clip(self.renderer.render(gaussians, camera)[0], 0, 1) for camera in cameras]
+        return measures, points

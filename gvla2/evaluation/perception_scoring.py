@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,10 +75,10 @@ class ObjectScore:
     centre_mm: float | None = None
     side_mm: float | None = None
 
-    @property
-    def found(self) -> bool:
-        """Whether a perceived object matches it."""
-        return self.index >= 0
+    def summary(self) -> dict[str, Any]:
+        """The numbers by name, for a row of results."""
+        own = {name: getattr(self, name) for name in ("perceived", "named", "centre_mm", "side_mm")}
+        return {"object": self.true.name, "true": self.true.label, "found": self.index >= 0, **own}
 
 
 def true_objects(robot: Segmented, observation: Observation, layout: Layout) -> list[TrueObject]:
@@ -132,11 +132,12 @@ def score(truths: Sequence[TrueObject], scene: Scene) -> tuple[list[ObjectScore]
     matches = {int(r): int(c) for r, c in zip(rows, columns, strict=True) if cost[r, c] < APART}
     scores = []
     for row, true in enumerate(truths):
-        pile = [k for k in np.flatnonzero(holding[row]) if _alike(truths, holding[:, k], true.label) > 1]
-        if row in matches and not pile:
+        alike = np.array([other.label == true.label for other in truths])
+        pile = [int(k) for k in np.flatnonzero(holding[row]) if (holding[:, k] & alike).sum() > 1]
+        if pile:
+            scores.append(ObjectScore(true, pile[0], scene.objects[pile[0]].label))
+        elif row in matches:
             scores.append(_judged(true, matches[row], scene))
-        elif pile:
-            scores.append(ObjectScore(true, int(pile[0]), scene.objects[pile[0]].label))
         else:
             scores.append(ObjectScore(true))
     real = {one.index for one in scores} | set(np.flatnonzero(in_true.any(axis=0)).tolist())
@@ -147,11 +148,6 @@ def _holds(box: SceneObject, points: FloatArray) -> NDArray[np.bool_]:
     """(N,) whether points (N, 3) lie in the box, or close to it."""
     local = transform_points(invert_rigid(box.world_from_object), points)
     return np.asarray((np.abs(local) <= 0.5 * box.extents + MARGIN).all(axis=1))
-
-
-def _alike(truths: Sequence[TrueObject], held: NDArray[np.bool_], label: str) -> int:
-    """The number of held true objects with this label."""
-    return sum(bool(inside) and true.label == label for true, inside in zip(truths, held, strict=True))
 
 
 def _judged(true: TrueObject, index: int, scene: Scene) -> ObjectScore:

@@ -23,17 +23,15 @@ MOVING = {"prismatic": True, "revolute": False, "continuous": False}
 
 @dataclass(frozen=True)
 class Visual:
-    """One shape of a link: ``file`` (None for a primitive), its vertices scaled, placed by ``object_from_shape``.
-
-    ``rgb`` (3,) in [0, 1] paints a primitive.
+    """One ``shape`` of a link, placed by ``object_from_shape`` (4, 4): its mesh ``file`` (None for a primitive), the
+    moving link that it belongs to (see :class:`ArticulatedFile`), and the colour (3,) in [0, 1] of a primitive.
     """
 
-    element: ET.Element
+    shape: ET.Element
     file: Path | None
-    scale: FloatArray
     object_from_shape: FloatArray
     link: int
-    rgb: tuple[float, float, float] = (GREY, GREY, GREY)
+    rgb: FloatArray
 
 
 @dataclass(frozen=True)
@@ -95,16 +93,14 @@ def read_articulated(path: str | os.PathLike[str]) -> ArticulatedFile:
                 owners[link] = link if joint.get("type") in MOVING else owners[parent]
         return poses[link]
 
-    names = [link.get("name", "") for link in robot.iterfind("link")]
-    for name in names:
+    links = {link.get("name", ""): link for link in robot.iterfind("link")}
+    for name in links:
         place(name)
-    moving = [name for name in names if owners[name] == name and name]
+    moving = [name for name in links if owners[name] == name and name]
+    numbers = {name: number for number, name in enumerate(moving)}
     visuals = tuple(
-        replace(
-            _visual(visual, path, place(link.get("name", "")), moving, owners[link.get("name", "")]),
-            rgb=_paint(visual, robot, path),
-        )
-        for link in robot.iterfind("link")
+        _visual(visual, robot, poses[name], numbers.get(owners[name], -1), path)
+        for name, link in links.items()
         for visual in link.iterfind("visual")
     )
     if not visuals:
@@ -115,8 +111,7 @@ def read_articulated(path: str | os.PathLike[str]) -> ArticulatedFile:
 
 
 def _moving(name: str, joint: ET.Element, pose: FloatArray, path: Path) -> MovingLink:
-    axis_element, limit = joint.find("axis"), joint.find("limit")
-    axis = np.array([1.0, 0.0, 0.0]) if axis_element is None else _numbers(axis_element, "xyz", 3, path)
+    axis, limit = _numbers(joint.find("axis"), "xyz", path, (1.0, 0.0, 0.0)), joint.find("limit")
     length = float(np.linalg.norm(axis))
     if not length > 0:
         raise GeometryError(f"{path}: the axis of joint '{joint.get('name')}' is 0.")
@@ -124,22 +119,13 @@ def _moving(name: str, joint: ET.Element, pose: FloatArray, path: Path) -> Movin
     if joint.get("type") != "continuous":
         if limit is None:
             raise GeometryError(f"{path}: joint '{joint.get('name')}' has no <limit>.")
-        low, high = (
-            float(_numbers(limit, bound, 1, path)[0]) if limit.get(bound) else 0.0
-            for bound in ("lower", "upper")
-        )
-    return MovingLink(
-        name,
-        MOVING[joint.get("type", "")],
-        pose[:3, :3] @ axis / length,
-        pose[:3, 3],
-        low,
-        high,
-    )
+        low, high = (float(_numbers(limit, bound, path, (0.0,))[0]) for bound in ("lower", "upper"))
+    slides = MOVING[joint.get("type", "")]
+    return MovingLink(name, slides, pose[:3, :3] @ axis / length, pose[:3, 3], low, high)
 
 
-def _visual(visual: ET.Element, path: Path, pose: FloatArray, moving: Sequence[str], owner: str) -> Visual:
-    shape = next(iter(visual.find("geometry") or ()), None)
+def _visual(visual: ET.Element, robot: ET.Element, pose: FloatArray, link: int, path: Path) -> Visual:
+    shape, material = visual.find("geometry/*"), visual.find("material")
     if shape is None:
         raise GeometryError(f"{path}: a <visual> has no shape.")
     file = None
@@ -150,55 +136,40 @@ def _visual(visual: ET.Element, path: Path, pose: FloatArray, moving: Sequence[s
             raise GeometryError(
                 f"{path}: its mesh {shape.get('filename')} does not exist; put it beside the file."
             )
-    scale = _numbers(shape, "scale", 3, path) if shape.get("scale") else np.ones(3)
-    link = moving.index(owner) if owner else -1
-    return Visual(shape, file, scale, pose @ _origin(visual, path), link)
-
-
-def _paint(visual: ET.Element, robot: ET.Element, path: Path) -> tuple[float, float, float]:
-    """The colour of a visual's material, its own or that of the robot's by its name; grey without one."""
-    material = visual.find("material")
-    if material is None:
-        return GREY, GREY, GREY
-    named = (each for each in robot.iterfind("material") if each.get("name") == material.get("name"))
-    colour = next((c for each in (material, *named) if (c := each.find("color")) is not None), None)
-    if colour is None:
-        return GREY, GREY, GREY
-    red, green, blue, _ = np.clip(_numbers(colour, "rgba", 4, path), 0.0, 1.0).tolist()
-    return red, green, blue
+    paint = None
+    if material is not None:  # its own colour, or that of the robot's material of its name
+        named = (each for each in robot.iterfind("material") if each.get("name") == material.get("name"))
+        paint = next((c for each in (material, *named) if (c := each.find("color")) is not None), None)
+    rgb = np.clip(_numbers(paint, "rgba", path, (GREY, GREY, GREY, 1.0))[:3], 0.0, 1.0)
+    return Visual(shape, file, pose @ _origin(visual, path), link, rgb)
 
 
 def _mesh(path: Path, visual: Visual) -> TexturedMesh:
-    shape = visual.element
+    shape = visual.shape
     if visual.file is not None:
-        read = read_textured_mesh(visual.file, up="z")
-        vertices = transform_points(visual.object_from_shape, read.mesh.vertices * visual.scale)
+        read, scale = read_textured_mesh(visual.file, up="z"), _numbers(shape, "scale", path, (1.0, 1.0, 1.0))
+        vertices = transform_points(visual.object_from_shape, read.mesh.vertices * scale)
         return replace(read, mesh=read.mesh.with_vertices(vertices))
     if shape.tag == "box":
-        made = trimesh.creation.box(_numbers(shape, "size", 3, path))
-    elif shape.tag == "cylinder":
-        made = trimesh.creation.cylinder(
-            float(_numbers(shape, "radius", 1, path)[0]), float(_numbers(shape, "length", 1, path)[0])
-        )
-    elif shape.tag == "sphere":
-        made = trimesh.creation.icosphere(radius=float(_numbers(shape, "radius", 1, path)[0]))
+        made = trimesh.creation.box(_numbers(shape, "size", path, (np.nan,) * 3))
+    elif shape.tag in ("cylinder", "sphere"):
+        radius = float(_numbers(shape, "radius", path, (np.nan,))[0])
+        if shape.tag == "sphere":
+            made = trimesh.creation.icosphere(radius=radius)
+        else:
+            made = trimesh.creation.cylinder(radius, float(_numbers(shape, "length", path, (np.nan,))[0]))
     else:
         raise GeometryError(
             f"{path}: a <{shape.tag}> cannot be drawn; a URDF has meshes, boxes, cylinders, spheres."
         )
     faces = np.asarray(made.faces)
     mesh = TriangleMesh(transform_points(visual.object_from_shape, made.vertices), faces)
-    rgb = np.tile(np.array(visual.rgb, dtype=np.float32), (*faces.shape, 1))
+    rgb = np.tile(visual.rgb.astype(np.float32), (*faces.shape, 1))
     return TexturedMesh(mesh, np.zeros((*faces.shape, 2), np.float32), np.full(len(faces), -1), rgb, ())
 
 
 def _origin(element: ET.Element, path: Path) -> FloatArray:
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    shift, turn = (
-        _numbers(origin, name, 3, path) if origin.get(name) else np.zeros(3) for name in ("xyz", "rpy")
-    )
+    shift, turn = (_numbers(element.find("origin"), name, path, (0.0, 0.0, 0.0)) for name in ("xyz", "rpy"))
     return rigid(Rotation.from_euler("xyz", turn).as_matrix(), shift)
 
 
@@ -209,13 +180,14 @@ def _named(joint: ET.Element, end: str, path: Path) -> str:
     return element.get("link", "")
 
 
-def _numbers(element: ET.Element, name: str, count: int, path: Path) -> FloatArray:
+def _numbers(element: ET.Element | None, name: str, path: Path, usual: Sequence[float]) -> FloatArray:
+    """The numbers of an attribute, as many as the ``usual`` ones, which stand for an absent one; NaN: it is needed."""
+    given = None if element is None else element.get(name)
     try:
-        numbers = np.array([float(word) for word in element.get(name, "").split()])
+        numbers = np.array([float(word) for word in given.split()] if given else usual)
     except ValueError:
         numbers = np.zeros(0)
-    if len(numbers) != count or not np.isfinite(numbers).all():
-        raise GeometryError(
-            f'{path}: <{element.tag} {name}="{element.get(name)}"> needs {count} finite numbers.'
-        )
+    if len(numbers) != len(usual) or not np.isfinite(numbers).all():
+        tag = "" if element is None else element.tag
+        raise GeometryError(f'{path}: <{tag} {name}="{given}"> needs {len(usual)} finite numbers.')
     return numbers

@@ -1,13 +1,12 @@
 """3D Gaussians as arrays, in the parametrisation of 3D Gaussian splatting (3DGS), and their PLY files.
 
-float32 ``x y z nx ny nz f_dc_0..2 [f_rest_*] opacity(logit) scale_0..2(log) rot_0..3(wxyz)``.
+float32 ``x y z nx ny nz f_dc_0..2 opacity(logit) scale_0..2(log) rot_0..3(wxyz)``.
 """
 
 from __future__ import annotations
 
 import io
 import os
-import re
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,13 +24,12 @@ SH_C0 = 0.2820948
 
 @dataclass(frozen=True)
 class Gaussians:
-    """N anisotropic Gaussians with opacity and view-dependent colour; all arrays float32.
+    """N anisotropic Gaussians with opacity and a colour that looks the same from everywhere; all arrays float32.
 
     ``centres`` (N, 3) metres, world or object frame; ``log_scales`` (N, 3) natural logarithms of the standard
     deviations in metres along the Gaussian's own axes; ``rotations`` (N, 4) quaternions wxyz that turn these
     axes into the frame of the centres, of any length but zero; ``opacity_logits`` (N,), opacity is their
-    sigmoid; ``sh_dc`` (N, 3) constant spherical harmonics; ``sh_rest`` (N, 3k) the higher ones or None, channel
-    by channel as in the files (k of red, k of green, k of blue), k = 3, 8 or 15 for degree 1, 2, 3.
+    sigmoid; ``sh_dc`` (N, 3) constant spherical harmonics.
 
     Infinite logits (opacity exactly 0 or 1) and log-scales of -inf (flat) are allowed; raises
     :class:`GeometryError` for wrong shapes, NaN, centres that are not finite and quaternions of length zero.
@@ -42,17 +40,11 @@ class Gaussians:
     rotations: NDArray[np.float32]
     opacity_logits: NDArray[np.float32]
     sh_dc: NDArray[np.float32]
-    sh_rest: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         n = len(np.atleast_1d(self.centres))
         shapes: dict[str, tuple[int, ...]] = {"centres": (n, 3), "log_scales": (n, 3), "rotations": (n, 4)}
         shapes |= {"opacity_logits": (n,), "sh_dc": (n, 3)}
-        if self.sh_rest is not None:
-            columns = np.shape(self.sh_rest)[-1]
-            if columns not in (9, 24, 45):
-                raise GeometryError(f"Gaussians: sh_rest must have 9, 24 or 45 columns, got {columns}.")
-            shapes["sh_rest"] = (n, columns)
         for name, shape in shapes.items():
             array = np.asarray(getattr(self, name), dtype=np.float32)
             if array.shape != shape:
@@ -71,7 +63,7 @@ class Gaussians:
 
     @property
     def rgb(self) -> NDArray[np.float32]:
-        """(N, 3) colour seen from everywhere when there are no higher harmonics; may leave [0, 1]."""
+        """(N, 3) colour; may leave [0, 1]."""
         return np.asarray(0.5 + SH_C0 * self.sh_dc, dtype=np.float32)
 
     @property
@@ -97,22 +89,36 @@ class Gaussians:
         return made
 
 
-_XYZ = ("x", "y", "z")
-_SCALES = ("scale_0", "scale_1", "scale_2")
-_ROTATIONS = ("rot_0", "rot_1", "rot_2", "rot_3")
-_DC = ("f_dc_0", "f_dc_1", "f_dc_2")
-_REQUIRED = (*_XYZ, *_DC, "opacity", *_SCALES, *_ROTATIONS)
+_COLUMNS = {
+    "centres": ("x", "y", "z"),
+    "sh_dc": ("f_dc_0", "f_dc_1", "f_dc_2"),
+    "opacity_logits": ("opacity",),
+    "log_scales": ("scale_0", "scale_1", "scale_2"),
+    "rotations": ("rot_0", "rot_1", "rot_2", "rot_3"),
+}
+"""The properties of a file's vertices that hold each array, in the files' order."""
 
 
 def read_gaussians(path: str | os.PathLike[str]) -> Gaussians:
-    """The Gaussians of a binary 3DGS file, of either byte order; its further properties and elements are left out.
+    """The Gaussians of a 3DGS file; its further properties (higher harmonics) and elements are left out.
 
-    Raises :class:`GeometryError`, naming the file, when it is absent, ASCII, truncated, not a PLY file,
-    without a property that Gaussians need, or with centres that are not finite.
+    Raises :class:`GeometryError`, naming the file, when it is absent, truncated, not a PLY file, without a property
+    that Gaussians need, or with centres that are not finite.
     """
     source = Path(path)
     try:
-        return _gaussians(_vertices(source))
+        ply = PlyData.read(io.BytesIO(source.read_bytes()))
+        vertices = ply["vertex"].data if "vertex" in ply else np.zeros(0)
+        names = [name for names in _COLUMNS.values() for name in names]
+        if missing := [name for name in names if name not in (vertices.dtype.names or ())]:
+            raise ValueError(f"it is not a 3DGS file, its vertices lack {', '.join(missing)}.")
+        if len(vertices) == 0:
+            raise ValueError("it holds no Gaussians.")
+        arrays = {
+            array: np.stack([vertices[name] for name in names], axis=1).astype(np.float32)
+            for array, names in _COLUMNS.items()
+        }
+        return Gaussians(**(arrays | {"opacity_logits": arrays["opacity_logits"][:, 0]}))
     except (OSError, PlyParseError, ValueError) as error:
         raise GeometryError(f"Cannot read Gaussians from {source}: {error}") from error
 
@@ -122,49 +128,12 @@ def write_gaussians(path: str | os.PathLike[str], gaussians: Gaussians) -> None:
 
     Raises :class:`gvla2.errors.OutputError`.
     """
-    rest = np.zeros((len(gaussians), 0)) if gaussians.sh_rest is None else gaussians.sh_rest
-    columns: dict[str, NDArray[np.floating]] = {name: gaussians.centres[:, i] for i, name in enumerate(_XYZ)}
-    columns |= {name: np.zeros(len(gaussians)) for name in ("nx", "ny", "nz")}
-    columns |= {name: gaussians.sh_dc[:, i] for i, name in enumerate(_DC)}
-    columns |= {f"f_rest_{i}": rest[:, i] for i in range(rest.shape[1])}
-    columns["opacity"] = gaussians.opacity_logits
-    columns |= {name: gaussians.log_scales[:, i] for i, name in enumerate(_SCALES)}
-    columns |= {name: gaussians.rotations[:, i] for i, name in enumerate(_ROTATIONS)}
-    records = np.empty(len(gaussians), dtype=[(name, "<f4") for name in columns])
+    given = {array: np.asarray(getattr(gaussians, array)).reshape(len(gaussians), -1) for array in _COLUMNS}
+    columns = {name: given[array][:, k] for array, names in _COLUMNS.items() for k, name in enumerate(names)}
+    order = [*_COLUMNS["centres"], "nx", "ny", "nz", *list(columns)[3:]]
+    records = np.zeros(len(gaussians), dtype=[(name, "<f4") for name in order])
     for name, column in columns.items():
         records[name] = column
     stream = io.BytesIO()
     PlyData([PlyElement.describe(records, "vertex")], byte_order="<").write(stream)
     write_whole(path, stream.getvalue())
-
-
-def _vertices(source: Path) -> NDArray[np.void]:
-    """The vertex records of a complete file; ValueError and PlyParseError say what is wrong."""
-    content = source.read_bytes()
-    if re.match(rb"ply\s+(?:(?:comment|obj_info)[^\n]*\n)*format ascii", content):
-        raise ValueError("it is an ASCII file and only binary ones are read; save it as binary PLY.")
-    ply = PlyData.read(io.BytesIO(content))
-    if "vertex" not in ply:
-        raise ValueError(f"it has no element 'vertex', only {[element.name for element in ply]}.")
-    vertices = ply["vertex"].data
-    missing = [name for name in _REQUIRED if name not in (vertices.dtype.names or ())]
-    if missing:
-        raise ValueError(f"it is not a 3DGS file, its vertices lack {', '.join(missing)}.")
-    if len(vertices) == 0:
-        raise ValueError("it holds no Gaussians.")
-    return np.asarray(vertices)
-
-
-def _gaussians(records: NDArray[np.void]) -> Gaussians:
-    def columns(*names: str) -> NDArray[np.float32]:
-        return np.stack([records[name] for name in names], axis=1).astype(np.float32)
-
-    rest = [n for n in records.dtype.names or () if re.fullmatch(r"f_rest_\d+", n)]
-    return Gaussians(
-        columns(*_XYZ),
-        columns(*_SCALES),
-        columns(*_ROTATIONS),
-        columns("opacity")[:, 0],
-        columns(*_DC),
-        columns(*sorted(rest, key=lambda n: int(n[7:]))) if rest else None,
-    )

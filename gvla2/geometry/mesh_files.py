@@ -1,7 +1,7 @@
 """Mesh files: one reader for everything that needs a mesh, and a writer, on trimesh.
 
 GLB, glTF and COLLADA files say which way is up and are turned to our Z-up frame; the others are taken as they are. A
-COLLADA file also says its unit. To move the vertices of a GLB file and keep everything else, use :func:`map_glb`.
+COLLADA file also says its unit.
 """
 
 from __future__ import annotations
@@ -11,18 +11,17 @@ import json
 import os
 import re
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError, MissingDependencyError
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
-from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2.io.files import write_whole
 
 READABLE = (".obj", ".glb", ".gltf", ".ply", ".stl", ".dae", ".off")
@@ -96,47 +95,6 @@ def write_mesh(path: str | os.PathLike[str], mesh: TriangleMesh) -> None:
     built = trimesh.Trimesh(vertices, mesh.faces, vertex_colors=colours, process=False)
     content = built.export(file_type=suffix[1:])
     write_whole(path, content.encode() if isinstance(content, str) else content)
-
-
-def map_glb(
-    source: str | os.PathLike[str],
-    target: str | os.PathLike[str],
-    mapping: Callable[[FloatArray], ArrayLike],
-) -> None:
-    """Write ``source`` to ``target`` with its vertices (N, 3), metres, Z-up, passed through ``mapping``.
-
-    Materials, texture coordinates, images, names and the scene graph stay; normals turn as their mesh does.
-    ``mapping`` is called for each mesh of the scene. Raises :class:`GeometryError` for a file that cannot be read, for
-    positions that are not finite, and when one mesh is placed several times and its copies would have to differ.
-    """
-    scene, _ = _load(Path(source), "file")
-    moved: dict[str, FloatArray] = {}
-    for node in scene.graph.nodes_geometry:
-        world_from_node, name = scene.graph[node]
-        part = scene.geometry[name]
-        if not isinstance(part, trimesh.Trimesh):
-            continue
-        if np.linalg.matrix_rank(world_from_node[:3, :3]) < 3:
-            raise GeometryError(f"{source}: a node squeezes its mesh flat (scale 0); it cannot be moved.")
-        world = to_z_up(transform_points(world_from_node, np.asarray(part.vertices)))
-        new = np.asarray(mapping(world), dtype=np.float64)
-        if new.shape != world.shape or not np.isfinite(new).all():
-            raise GeometryError(f"{source} needs finite positions {world.shape}, got shape {new.shape}.")
-        after = transform_points(np.linalg.inv(world_from_node), to_y_up(new))
-        if name in moved and not np.allclose(moved[name], after, rtol=0, atol=1e-5 * part.scale):
-            raise GeometryError(
-                f"{source} places one mesh several times, and its copies would be moved apart; export it with "
-                "instances applied."
-            )
-        moved[name] = after
-    for name, after in moved.items():
-        part = scene.geometry[name]
-        normals, before = np.array(part.vertex_normals), np.array(part.vertices)
-        # Computed afresh, normals would lose the author's smoothing: they turn as the whole mesh does.
-        turn = Rotation.align_vectors(after - after.mean(axis=0), before - before.mean(axis=0))[0]
-        part.vertices, part.vertex_normals = after, turn.apply(normals)
-    content = scene.export(file_type="glb", include_normals=True)
-    write_whole(target, content)
 
 
 def _load(source: Path, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray]:

@@ -1,15 +1,10 @@
 """Folders of calibrated views, in and out.
 
-Three kinds are read, recognised by their files:
+Two kinds are read, recognised by their files:
 
-* ``cameras.json``, with ``images/NAME.png`` and, where there are any, ``masks/NAME.png`` and ``depth/NAME.npy``;
-* ``views.npz``: what a robot run stores, and :func:`write_views` writes;
+* ``cameras.json``, with ``images/NAME.png`` and, where there are any, ``masks/NAME.png``, ``depth/NAME.npy`` and
+  ``robot/NAME.png``, the robot's own pixels; in the folder itself, or in ``views`` in it, as in a robot's run;
 * ``render_mvs_25/model/000.{png,npy}``: an object of a GSO-30 tree.
-
-``views.npz`` is exact and readable with numpy alone: ``names`` (S,) are the cameras' names; arrays of view i are
-``K_i`` (3, 3), ``world_from_camera_i`` (4, 4), ``image_i`` (H, W, 3) uint8, and where the view has them ``depth_i`` (H,
-W) float32, ``mask_i`` (H, W) float32, ``robot_mask_i`` (H, W) bool. ``subject``, where there is one, names what the
-masks show.
 """
 
 from __future__ import annotations
@@ -18,7 +13,6 @@ import io
 import json
 import os
 import re
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -29,13 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gvla2.errors import ConfigurationError, GeometryError, OutputError
+from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
-from gvla2.io.files import write_whole
+from gvla2.io.files import write_bytes
 
-ARCHIVE, CAMERAS = "views.npz", "cameras.json"
+VIEWS, CAMERAS = "views", "cameras.json"
+"""A run's folder of views, and the file with the cameras of a folder."""
 FOCAL = 35.0 / 32.0
 """Focal length over the image's width in a GSO-30 tree."""
 PROTOCOL_VIEWS, PROTOCOL_SIZE = (0, 1, 2, 3, 4), 256
@@ -62,10 +57,8 @@ def read_views(folder: str | os.PathLike[str], spec: str | None = None, size: in
     if size is not None and size < 8:
         raise GeometryError(f"Views cannot be resized to {size} pixels; the minimum is 8.")
     usual = None
-    if (source := place / CAMERAS).is_file():
+    if (source := cameras_of(place)).is_file():
         readers = _plain_readers(source)
-    elif (source := place / ARCHIVE).is_file():
-        readers = _archive_readers(source)
     elif (model := gso_folder(place)) is not None:
         source, usual, size = model, PROTOCOL_VIEWS, size or PROTOCOL_SIZE
         cameras = sorted(path for path in model.glob("*.npy") if path.stem.isdigit())
@@ -73,8 +66,8 @@ def read_views(folder: str | os.PathLike[str], spec: str | None = None, size: in
     else:
         present = ", ".join(sorted(p.name for p in place.iterdir())[:8]) or "nothing"
         raise GeometryError(
-            f"Cannot read views from {place}: it has neither {CAMERAS}, nor {ARCHIVE}, nor "
-            f"render_mvs_25/model/000.png. It holds: {present}."
+            f"Cannot read views from {place}: it has neither {CAMERAS} nor render_mvs_25/model/000.png. "
+            f"It holds: {present}."
         )
     numbers = parse_view_spec(spec) if spec is not None else usual or tuple(readers)
     if not readers:
@@ -140,93 +133,62 @@ def nearest(maps: NDArray[Any], height: int, width: int) -> NDArray[Any]:
     return np.ascontiguousarray(maps[..., rows[:, None], columns])
 
 
-_OPTIONAL = ("depth", "mask", "robot_mask")
-
-
-def write_views(folder: str | os.PathLike[str], views: Views, subject: str = "") -> Path:
-    """Write ``views.npz`` into a folder that exists, whole or not at all; raises :class:`gvla2.errors.OutputError`."""
-    arrays: dict[str, Any] = {"names": np.array([view.name for view in views])}
-    if subject:
-        arrays["subject"] = np.array(subject)
-    for i, view in enumerate(views):
-        arrays[f"K_{i}"] = view.camera.K
-        arrays[f"world_from_camera_{i}"] = view.camera.world_from_camera
-        arrays[f"image_{i}"] = view.image
-        for name in _OPTIONAL:
-            if (array := getattr(view, name)) is not None:
-                arrays[f"{name}_{i}"] = array
-    stream = io.BytesIO()
-    np.savez_compressed(stream, **arrays)
-    path = Path(folder) / ARCHIVE
-    write_whole(path, stream.getvalue())
-    return path
-
-
-def subject_of(path: Path) -> str:
-    """The object that an archive's masks show; "" if it does not say, or cannot be read."""
-    try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
-            return str(arrays["subject"]) if "subject" in arrays.files else ""
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
-        return ""
-
-
-def _archive_readers(path: Path) -> Readers:
-    try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        return {i: partial(_stored_view, path, arrays, i, str(n)) for i, n in enumerate(arrays["names"])}
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise GeometryError(f"Cannot read the views {path}: {error}") from error
-
-
-def _stored_view(path: Path, arrays: Mapping[str, NDArray[Any]], i: int, name: str) -> View:
-    try:
-        image, (depth, mask, robot) = arrays[f"image_{i}"], (arrays.get(f"{n}_{i}") for n in _OPTIONAL)
-        height, width = image.shape[:2]
-        camera = Camera(arrays[f"K_{i}"], arrays[f"world_from_camera_{i}"], width, height, name)
-        return View(camera, image, depth, mask, robot)
-    except (ValueError, KeyError, TypeError, IndexError) as error:
-        raise GeometryError(f"Cannot read view '{name}' of {path}: {error}") from error
-
-
 _CONVENTIONS = {"opencv": np.eye(4), "opengl": np.diag([1.0, -1.0, -1.0, 1.0])}
 _PICTURES = (".png", ".jpg", ".jpeg")
 
 
-def write_plain(folder: str | os.PathLike[str], views: Views) -> None:
-    """Write ``cameras.json`` with its images, masks and depth, each file whole or not at all; raises OutputError."""
-    place = Path(folder)
-    try:
-        for name in ("images", "masks", "depth"):
-            (place / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"Cannot write {place}: {error.strerror or error}.") from error
-    entries = []
+def cameras_of(folder: Path) -> Path:
+    """The file ``cameras.json`` of a folder of views, or of a run's folder with views in it; it may be absent."""
+    own = folder / CAMERAS
+    return own if own.is_file() else folder / VIEWS / CAMERAS
+
+
+def subject_of(folder: Path) -> str:
+    """The object that the masks of a folder's views show; "" if ``cameras.json`` does not say, or is absent."""
+    cameras = cameras_of(folder)
+    return str(_document(cameras).get("object", "")) if cameras.is_file() else ""
+
+
+def write_plain(folder: str | os.PathLike[str], views: Views, subject: str = "") -> None:
+    """Write ``cameras.json`` with its images, masks and depth, each file whole or not at all; raises OutputError.
+
+    ``subject`` names the object that the masks show.
+    """
+    place, entries = Path(folder), []
     for number, view in enumerate(views):
-        write_whole(place / "images" / f"{number}.png", _png(view.image))
+        files = {f"images/{number}.png": _png(view.image)}
         if view.mask is not None:
-            write_whole(place / "masks" / f"{number}.png", _png(_as_bytes(view.mask)))
+            files[f"masks/{number}.png"] = _png(_as_bytes(view.mask))
+        if view.robot_mask is not None:
+            files[f"robot/{number}.png"] = _png(_as_bytes(view.robot_mask))
         if view.depth is not None:
             stream = io.BytesIO()
             np.save(stream, view.depth)
-            write_whole(place / "depth" / f"{number}.npy", stream.getvalue())
+            files[f"depth/{number}.npy"] = stream.getvalue()
+        for name, content in files.items():
+            write_bytes(place / name, content, flushed=False)
         T = view.camera.camera_from_world.tolist()
         entries.append({"name": str(number), "label": view.name, "K": view.camera.K.tolist(), "T": T})
-    text = json.dumps({"convention": "opencv", "views": entries}, indent=1)
-    write_whole(place / CAMERAS, text.encode())
+    document = {"convention": "opencv", **({"object": subject} if subject else {}), "views": entries}
+    write_bytes(place / CAMERAS, json.dumps(document, indent=1).encode(), flushed=False)
 
 
-def _plain_readers(cameras: Path) -> Readers:
+def _document(cameras: Path) -> Mapping[str, Any]:
     try:
         document = json.loads(cameras.read_text("utf-8"))
-        shared = {k: document[k] for k in ("K", "convention") if k in document}
-        entries = [{**shared, **entry} for entry in document["views"]]
+        return {**document, "views": list(document["views"])}
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise GeometryError(
             f"Cannot read the cameras {cameras}: {error!r}; it needs a list 'views'."
         ) from error
-    return {number: partial(_plain_view, cameras, entry) for number, entry in enumerate(entries)}
+
+
+def _plain_readers(cameras: Path) -> Readers:
+    document = _document(cameras)
+    shared = {k: document[k] for k in ("K", "convention") if k in document}
+    return {
+        n: partial(_plain_view, cameras, {**shared, **entry}) for n, entry in enumerate(document["views"])
+    }
 
 
 def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
@@ -245,7 +207,9 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
         if (depth_file := first("depth", (".npy",))) is not None:
             depth = np.asarray(_load(depth_file), dtype=np.float32)
             depth = np.where(depth > 0, depth, np.float32(np.nan))
-        return View(_camera(entry, image, str(entry.get("label", name))), image, depth, mask)
+        own = first("robot", _PICTURES)
+        robot = None if own is None else _read_mask(own) > 0.5
+        return View(_camera(entry, image, str(entry.get("label", name))), image, depth, mask, robot)
     except (GeometryError, TypeError, ValueError) as error:
         raise GeometryError(f"{cameras}, view '{name}': {error}") from error
 
@@ -330,5 +294,5 @@ def _png(array: NDArray[np.uint8]) -> bytes:
     return stream.getvalue()
 
 
-def _as_bytes(mask: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _as_bytes(mask: NDArray[np.float32] | NDArray[np.bool_]) -> NDArray[np.uint8]:
     return np.rint(255 * np.clip(mask, 0, 1)).astype(np.uint8)

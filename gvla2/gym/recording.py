@@ -19,14 +19,13 @@ Step = dict[str, Any]
 
 
 class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[np.float32]]):
-    """Stores every episode in a folder of its own below ``folder``, which must be empty or missing; environments that
-    begin together may share it.
+    """Stores every episode in a folder of its own below ``folder``, which must be empty or missing.
 
     One frame per step, and one at the start: the first camera's picture, the measured joints and opening. With
     ``control="joint_delta"`` there are 20 a second; a waypoint counts as one second. An episode is stored when it ends,
     or is left by :meth:`reset` or :meth:`close`; ``gvla2 export lerobot FOLDER to=DATASET`` takes those that succeeded.
-    Raises :class:`ConfigurationError` for an environment that is not gvla2's or
-    shows no images, or images too small for a film, and :class:`OutputError` for a folder that is not empty.
+    Raises :class:`ConfigurationError` for an environment that is not gvla2's or shows no images, or images too small
+    for a film, and :class:`OutputError` for a folder that is not empty.
     """
 
     def __init__(self, env: gymnasium.Env[Step, NDArray[np.float32]], folder: str | Path) -> None:
@@ -51,7 +50,8 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         """Begin the next episode; one that did not end is kept as it is."""
         self._keep()
         seen, info = self.env.reset(**given)
-        self._place = self._claimed()
+        self._place = make_folder(self._folder / f"{self._episodes:06d}")
+        self._episodes += 1
         self._motion, self._steps = Motion(self._place), 0
         self._result = {
             "episode": f"rollout-{self._place.name}",
@@ -62,17 +62,6 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         }
         self._note(seen)
         return seen, info
-
-    def _claimed(self) -> Path:
-        """A new folder under the next free number; no other environment gets it."""
-        while True:
-            place = self._folder / f"{self._episodes:06d}"
-            self._episodes += 1
-            try:
-                place.mkdir()
-            except FileExistsError:
-                continue
-            return place
 
     def step(self, action: NDArray[np.float32]) -> tuple[Step, float, bool, bool, dict[str, Any]]:
         """A step of the environment, and its frame."""

@@ -22,14 +22,7 @@ class LanguageModelError(Gvla2Error):
 
 
 class ModelUnavailableError(LanguageModelError):
-    """No answer was received: no network, a time-out, too many requests after all retries, an error of the server.
-
-    ``transient`` means that retrying soon may help; ``status`` is HTTP's, 0 without a response.
-    """
-
-    def __init__(self, message: str, *, transient: bool = True, status: int = 0) -> None:
-        super().__init__(message)
-        self.transient, self.status = transient, status
+    """No answer was received: no network, a time-out, too many requests after all retries, an error of the server."""
 
 
 class ModelRefusedError(LanguageModelError):
@@ -74,25 +67,9 @@ def picture(png: bytes) -> dict[str, Any]:
     return {"type": "image_url", "image_url": {"url": url}}
 
 
-@dataclass(frozen=True)
-class Token:
-    """One token of an answer.
-
-    ``raw`` is its bytes (a token may end within a character; ``text`` shows the decodable part). ``start`` is the
-    byte of the answer's UTF-8 where it begins, negative when it begins before the answer does. ``alternatives`` are
-    (text, natural log-probability) of what the model might have said here, the token itself included, most likely first
-    as the server sent them; values may be -inf or NaN if the server sent them.
-    """
-
-    raw: bytes
-    start: int
-    logprob: float
-    alternatives: tuple[tuple[str, float], ...] = ()
-
-    @property
-    def text(self) -> str:
-        """The token in characters."""
-        return self.raw.decode(errors="replace")
+Token = tuple[bytes, Mapping[str, float]]
+"""A token's bytes (it may end within a character), and the natural log-probabilities of what the model might have said
+in its place, by text, itself included; values may be -inf or NaN if the server sent them."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +85,9 @@ class Usage:
 class Completion:
     """What a model answered.
 
-    ``text`` is the answer alone, ``reasoning`` what it thought before. ``tokens`` belong to ``text``, never to the
-    reasoning; empty when the server gave no log-probabilities, or none that spell the answer. ``finish`` is the
-    server's finish reason ("stop", "length"). ``latency`` in seconds, with retries; a ``cached`` answer was not asked
-    for again and cost nothing.
+    ``text`` is the answer alone, ``reasoning`` what it thought before. ``tokens`` spell the whole stream, reasoning
+    included; empty when the server gave no log-probabilities. ``finish`` is the server's finish reason ("stop",
+    "length"). ``latency`` in seconds, with retries; a ``cached`` answer was not asked for again and cost nothing.
     """
 
     text: str
@@ -119,7 +95,6 @@ class Completion:
     tokens: tuple[Token, ...] = ()
     usage: Usage = Usage()
     finish: str = ""
-    model: str = ""
     cached: bool = False
     latency: float = 0.0
 
@@ -173,17 +148,14 @@ class LanguageModel(Protocol):
     @property
     def ledger(self) -> Ledger:
         """The calls so far, by purpose."""
-        ...
 
     def complete(self, request: Request, *, purpose: str) -> Completion:
         """Ask once, for "plan", "verify", "induce"; raises :class:`LanguageModelError`."""
-        ...
 
     def complete_all(
         self, requests: Sequence[Request], *, purpose: str
     ) -> list[Completion | LanguageModelError]:
         """Ask them all at once: an answer or a failure each, in order."""
-        ...
 
 
 class Server(Protocol):
@@ -198,12 +170,9 @@ class Server(Protocol):
     @property
     def identity(self) -> str:
         """Equal for servers that give equal answers."""
-        ...
 
     def address(self) -> str:
         """Its ``base_url``; raises :class:`ModelUnavailableError` when it cannot be started."""
-        ...
 
     def key(self) -> str:
         """The key, "" for none."""
-        ...

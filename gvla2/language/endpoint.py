@@ -7,10 +7,10 @@ import hashlib
 import importlib.util
 import json
 import logging
+import math
 import sqlite3
-import threading
 import time
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -27,9 +27,10 @@ from gvla2.language.contracts import (
     ModelUnavailableError,
     Request,
     Server,
+    Token,
+    Usage,
 )
 from gvla2.language.options import AskingOptions, EndpointOptions
-from gvla2.language.wire import read_completion, request_body
 
 if TYPE_CHECKING:
     import openai
@@ -38,6 +39,8 @@ T = TypeVar("T")
 _log = logging.getLogger(__name__)
 _UNKNOWN = (400, 422)
 """Statuses of servers that do not know an option."""
+_OPTIONAL = {"logprobs", "top_logprobs", "response_format"}
+"""What a request can do without."""
 _BUSY = (408, 409, 429)
 """Transient refusals, like every 5xx; the package retries them."""
 _ADVICE = {
@@ -46,6 +49,10 @@ _ADVICE = {
     404: "Check base_url (it usually ends in /v1) and model.",
     413: "The request is too long for the server: shorten what is asked about.",
 }
+
+
+TOP_LOGPROBS = 20
+"""The most alternatives per token that the API allows."""
 
 
 class Endpoint:
@@ -67,9 +74,8 @@ class Endpoint:
             server = options
         self.ledger = Ledger()
         self._options, self._server, self._key = options, server, server.key()
-        self._cache = AnswerCache(options.cache) if options.cache else None
-        self._free = threading.BoundedSemaphore(options.concurrency)
-        self._model, self._without = server.model, frozenset[str]()
+        self._cache = str(Path(options.cache).expanduser()) if options.cache else ""
+        self._model, self._refused = server.model, set[str]()
 
     def complete(self, request: Request, *, purpose: str) -> Completion:
         """Ask once. Raises :class:`LanguageModelError`."""
@@ -98,8 +104,10 @@ class Endpoint:
         answers: list[Completion | LanguageModelError | None] = [self._kept(key) for key in keys]
         fresh = [i for i, answer in enumerate(answers) if answer is None]
         if fresh:
+            turn = asyncio.Semaphore(self._options.concurrency)
             async with self._client() as client:
-                asked = await asyncio.gather(*(self._in_turn(client, requests[i], keys[i]) for i in fresh))
+                work = (self._in_turn(turn, client, requests[i], keys[i]) for i in fresh)
+                asked = await asyncio.gather(*work)
             for i, answer in zip(fresh, asked, strict=True):
                 answers[i] = answer
         return [answer for answer in answers if answer is not None]
@@ -132,51 +140,44 @@ class Endpoint:
         return names[0]
 
     async def _in_turn(
-        self, client: openai.AsyncOpenAI, request: Request, key: str
+        self, turn: asyncio.Semaphore, client: openai.AsyncOpenAI, request: Request, key: str
     ) -> Completion | LanguageModelError:
-        # The bound holds over all threads, each with a loop of its own, so no asyncio semaphore can keep it.
-        while not self._free.acquire(blocking=False):
-            await asyncio.sleep(0.005)
-        began = time.monotonic()
-        try:
-            document = await self._ask(client, request)
-            answer = read_completion(document)
-        except LanguageModelError as error:
-            return error
-        finally:
-            self._free.release()
-        if self._cache and answer.text:
-            self._cache.put(key, document)
+        async with turn:
+            began = time.monotonic()
+            try:
+                document = await self._ask(client, request)
+                answer = read_completion(document)
+            except LanguageModelError as error:
+                return error
+        if answer.text:
+            self._use_cache(lambda cache: cache.set(key, json.dumps(document)))
         return replace(answer, latency=time.monotonic() - began)
 
     async def _ask(self, client: openai.AsyncOpenAI, request: Request) -> dict[str, Any]:
         """The answer's JSON. A schema or log-probabilities that the server refuses are left out from then on."""
-        create = client.chat.completions.with_raw_response.create
-        grammars = self._server.grammars
-        optional = {
-            "logprobs": request.logprobs,
-            "schema": request.schema is not None and not (grammars and request.grammar),
-        }
-        asked = frozenset(name for name, there in optional.items() if there) - self._without
+        body = request_body(request, self._options, grammars=self._server.grammars) | self._options.extra
+        for name in self._refused:
+            body.pop(name, None)
 
-        async def sent(without: frozenset[str]) -> dict[str, Any]:
-            body = request_body(request, self._options, without, grammars=grammars)
+        async def sent(without: Collection[str] = ()) -> dict[str, Any]:
             # The package sends extra_body as it is, and checks nothing in it.
-            everything = {**body, **self._options.extra}
+            extra = {name: value for name, value in body.items() if name not in without}
+            create = client.chat.completions.with_raw_response.create
             return await self._sent(
-                client, create, model=self._model, messages=body["messages"], extra_body=everything
+                client, create, model=self._model, messages=body["messages"], extra_body=extra
             )
 
         try:
-            return await sent(self._without)
+            return await sent()
         except ModelRefusedError as error:
-            if error.status not in _UNKNOWN or not asked:
+            optional = _OPTIONAL & body.keys()
+            if error.status not in _UNKNOWN or not optional:
                 raise
             try:
-                document = await sent(self._without | asked)
+                document = await sent(optional)
             except ModelRefusedError:
                 raise error from None
-        self._without |= asked
+        self._refused |= optional
         return document
 
     async def _sent(self, client: openai.AsyncOpenAI, send: Any, **asked: Any) -> dict[str, Any]:
@@ -192,7 +193,7 @@ class Endpoint:
                 received = (await send(**asked)).http_response.content
         except TimeoutError as error:
             message = f"{where} did not answer within {self._options.timeout:g} s. Raise timeout, or lower max_tokens"
-            raise ModelUnavailableError(f"{message} or concurrency.", transient=False) from error
+            raise ModelUnavailableError(f"{message} or concurrency.") from error
         except openai.APIStatusError as error:
             raise self._status_failure(where, error) from None
         except openai.APIConnectionError as error:
@@ -215,7 +216,7 @@ class Endpoint:
         status = error.status_code
         said = self._redacted(" ".join(str(message or error.message).split()))[:300]
         if status in _BUSY or status >= 500:
-            return ModelUnavailableError(f"{where} answered with status {status}: {said}", status=status)
+            return ModelUnavailableError(f"{where} answered with status {status}: {said}")
         advice = _ADVICE.get(status, "Check model and extra against what this server supports.")
         message = f"{where} refused the request with status {status}: {said}. {advice}"
         return ModelRefusedError(message, status=status)
@@ -224,16 +225,33 @@ class Endpoint:
         return text.replace(self._key, "[key]") if self._key else text
 
     def _kept(self, key: str) -> Completion | None:
-        """A cached answer; an invalid one is requested again."""
-        kept = self._cache.get(key) if self._cache else None
+        """A cached answer; a damaged one is requested again."""
         try:
-            return read_completion(kept, cached=True) if kept else None
-        except MalformedAnswerError:
+            return read_completion(json.loads(self._use_cache(lambda cache: cache.get(key))), cached=True)
+        except (TypeError, ValueError, RecursionError, MalformedAnswerError):
+            return None
+
+    def _use_cache(self, work: Callable[[Any], Any]) -> Any:
+        """Work on the folder of answers, which processes may share (beyond 1 GB the oldest are dropped).
+
+        If it is not writable, answers are not cached, but no call fails.
+        """
+        if not self._cache:
+            return None
+        import diskcache
+
+        try:
+            # Opened for each use, as threads come and go; syncing to disk would cost 20 ms at each close.
+            with diskcache.Cache(self._cache, sqlite_synchronous=0) as cache:
+                return work(cache)
+        except (OSError, sqlite3.Error, diskcache.Timeout) as error:
+            _log.warning("Answers of language models are not cached in %s: %s", self._cache, error)
+            self._cache = ""
             return None
 
     def _key_of(self, request: Request) -> str:
         """The key of a request in the cache: the same for equal JSON, whatever the order of its keys."""
-        body = request_body(request, self._options, frozenset(), grammars=False)
+        body = request_body(request, self._options, grammars=False)
         if body.get("temperature") == 0:  # the likeliest words, whatever the seed
             body.pop("seed", None)
         about = {"server": self._server.identity, "model": self._model, "extra": self._options.extra}
@@ -252,38 +270,91 @@ def _run(work: Coroutine[Any, Any, T]) -> T:
         return pool.submit(asyncio.run, work).result()
 
 
-class AnswerCache:
-    """A folder of JSON documents that processes may share (``diskcache``; beyond 1 GB the oldest are dropped).
+def request_body(request: Request, options: AskingOptions, *, grammars: bool) -> dict[str, Any]:
+    """The request's JSON but for the model and the server's own options."""
+    body: dict[str, Any] = {"messages": _sendable(request.messages), "seed": request.seed}
+    for name in ("temperature", "max_tokens"):
+        own, default = getattr(request, name), getattr(options, name)
+        body[name] = own if own is not None and default is not None else default
+    if request.logprobs:
+        body |= {"logprobs": True, "top_logprobs": TOP_LOGPROBS}
+    if request.grammar is not None and grammars:
+        body["grammar"] = request.grammar
+    elif request.schema is not None:
+        form = {"name": "answer", "schema": dict(request.schema), "strict": True}
+        body["response_format"] = {"type": "json_schema", "json_schema": form}
+    return {name: value for name, value in body.items() if value is not None}
 
-    Unreadable entries count as absent. If the folder is not writable, answers are not cached, but no call fails.
+
+def _sendable(value: Any) -> Any:
+    """As JSON that UTF-8 can encode: lone surrogates, as in damaged logs, become question marks."""
+    if isinstance(value, str):
+        return value.encode(errors="replace").decode()
+    if isinstance(value, Mapping):
+        return {key: _sendable(each) for key, each in value.items()}
+    return [_sendable(each) for each in value] if isinstance(value, list | tuple) else value
+
+
+def read_completion(body: Any, *, cached: bool = False) -> Completion:
+    """The first choice of a response's JSON; raises :class:`MalformedAnswerError` when there is none.
+
+    A block of reasoning in the text itself ends at its last closing tag; one that never closes leaves no answer.
     """
+    try:
+        if body.get("error"):
+            raise MalformedAnswerError(f"The server answered with an error: {str(body['error'])[:300]}")
+        choice = body["choices"][0]
+        message = choice["message"]
+        content = message.get("content") or ""
+        if isinstance(content, list):
+            content = "".join(part["text"] for part in content if isinstance(part.get("text"), str))
+        thought, closed, answer = content.rpartition("</think>")
+    except (AttributeError, KeyError, IndexError, TypeError) as error:
+        message = f"The server's answer is no completion ({type(error).__name__}: {error})."
+        raise MalformedAnswerError(message) from None
+    if not closed and answer.lstrip().startswith("<think>"):
+        thought, answer = answer, ""
+    stated = (message.get("reasoning_content"), message.get("reasoning"))
+    spoken = thought.strip().removeprefix("<think>").strip()
+    reasoning = [*[text for text in stated if isinstance(text, str) and text][:1], spoken]
+    return Completion(
+        text=answer.strip() if closed else answer,
+        reasoning="\n".join(filter(None, reasoning)),
+        tokens=_tokens(choice.get("logprobs")),
+        usage=_usage(body.get("usage")),
+        finish=str(choice.get("finish_reason") or ""),
+        cached=cached,
+    )
 
-    def __init__(self, folder: str) -> None:
-        self._folder: str | None = str(Path(folder).expanduser())
 
-    def get(self, key: str) -> dict[str, Any] | None:
-        """The document under the key; None if it is missing or damaged."""
-        found = self._use(lambda cache: cache.get(key))
-        try:
-            document = json.loads(found) if isinstance(found, str) else None
-        except (ValueError, RecursionError):
-            return None
-        return document if isinstance(document, dict) else None
+def _tokens(logprobs: Any) -> tuple[Token, ...]:
+    """The stream's tokens; none when an entry is damaged."""
+    found = []
+    try:
+        for entry in logprobs["content"]:
+            odds: dict[str, float] = {}
+            # Some servers leave the chosen token out of the list, some list a token twice: the first one counts.
+            for one in (entry, *(entry.get("top_logprobs") or ())):
+                value = one.get("logprob")
+                number = float(value) if isinstance(value, int | float) else math.nan
+                odds.setdefault(_spelling(one).decode(errors="replace"), number)
+            found.append((_spelling(entry), odds))
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return ()
+    return tuple(found)
 
-    def put(self, key: str, document: Mapping[str, Any]) -> None:
-        """Keep a document; the last one wins."""
-        self._use(lambda cache: cache.set(key, json.dumps(document)))
 
-    def _use(self, work: Callable[[Any], Any]) -> Any:
-        import diskcache
+def _spelling(entry: Mapping[str, Any]) -> bytes:
+    """The token's bytes, else its text, with raw vocabularies' space markers as spaces."""
+    if entry.get("bytes") is not None:
+        return bytes(entry["bytes"])
+    text: str = entry["token"].replace("▁", " ").replace("Ġ", " ").replace("Ċ", "\n")
+    return text.encode(errors="replace")
 
-        if self._folder is None:
-            return None
-        try:
-            # Opened for each use, as threads come and go; syncing to disk would cost 20 ms at each close.
-            with diskcache.Cache(self._folder, sqlite_synchronous=0) as cache:
-                return work(cache)
-        except (OSError, sqlite3.Error, diskcache.Timeout) as error:
-            _log.warning("Answers of language models are not cached in %s: %s", self._folder, error)
-            self._folder = None
-            return None
+
+def _usage(counts: Any) -> Usage:
+    counts = counts if isinstance(counts, Mapping) else {}
+    numbers = (counts.get("prompt_tokens"), counts.get("completion_tokens"))
+    if not all(type(number) is int and number >= 0 for number in numbers):
+        return Usage()
+    return Usage(*numbers, metered=True)

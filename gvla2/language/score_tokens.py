@@ -20,7 +20,7 @@ ENOUGH_MASS = 0.5
 """Below this probability of valid letters, the distribution does not reflect the answer given."""
 
 _TAG = re.compile(r"<score>([^<]{0,32}?)(?:</score>|\Z)", re.IGNORECASE | re.ASCII)
-_CLOSING = "</score>"
+_OPENING, _CLOSING = b"<score>", "</score>"
 _AROUND = " \t\r\n\v\f\"'`*"
 """What models put around the letter."""
 
@@ -46,15 +46,19 @@ def phi(letter: str) -> float:
     return (len(LETTERS) - 1 - LETTERS.index(letter)) / (len(LETTERS) - 1)
 
 
+def reason_of(text: str) -> str:
+    """What an answer says before its last tag; all of it without one."""
+    tag = text.lower().rfind("<score>")
+    return text[:tag] if tag >= 0 else text
+
+
 def score_answer(text: str, tokens: Sequence[Token] = ()) -> TokenScore:
     """The score in an answer's last tag; ``tokens`` as :class:`gvla2.language.Completion` has them."""
     tags = list(_TAG.finditer(text))
     if not tags:
         return TokenScore(0.5, 0.0, "midpoint")
-    inside = tags[-1].group(1)
-    start = tags[-1].start(1) + len(inside) - len(inside.lstrip(_AROUND))
-    written = inside.strip(_AROUND)
-    letters = _letters(tokens, len(text[:start].encode(errors="replace")))
+    written = tags[-1].group(1).strip(_AROUND)
+    letters = _letters(tokens, written)
     mass = min(math.fsum(letters.values()), 1.0)
     if mass >= ENOUGH_MASS:
         expected = math.fsum(p * phi(v) for v, p in letters.items()) / math.fsum(letters.values())
@@ -64,17 +68,24 @@ def score_answer(text: str, tokens: Sequence[Token] = ()) -> TokenScore:
     return TokenScore(0.5, mass, "midpoint")
 
 
-def _letters(tokens: Sequence[Token], at: int) -> dict[str, float]:
-    """Probabilities of the valid letters in the token that holds byte ``at``; variants of one letter are summed."""
-    token = next((t for t in tokens if t.start <= at < t.start + len(t.raw)), None)
-    if token is None:
-        return {}
-    before = token.raw[: at - token.start].decode(errors="replace")
-    found: dict[str, float] = {}
-    for alternative, logprob in token.alternatives:
-        letter = _letter(alternative, before.strip(_AROUND))
-        if letter and logprob < 1e-3:  # servers may round to slightly above zero; NaN compares false
-            found[letter] = found.get(letter, 0.0) + math.exp(min(logprob, 0.0))
+def _letters(tokens: Sequence[Token], written: str) -> dict[str, float]:
+    """Probabilities of the valid letters in the last tag of the stream; variants of one letter are summed.
+
+    None unless the stream has there what is ``written`` in the answer.
+    """
+    stream = b"".join(piece for piece, _ in tokens)
+    inside = stream[stream.lower().rfind(_OPENING) + len(_OPENING) :].lstrip(_AROUND.encode())
+    found, at = dict[str, float](), len(stream) - len(inside)
+    if _OPENING not in stream.lower() or not written or not inside.startswith(written.encode()):
+        return found
+    for piece, odds in tokens:
+        if 0 <= at < len(piece):
+            before = piece[:at].decode(errors="replace").strip(_AROUND)
+            for alternative, logprob in odds.items():
+                letter = _letter(alternative, before)
+                if letter and logprob < 1e-3:  # servers may round to slightly above zero; NaN compares false
+                    found[letter] = found.get(letter, 0.0) + math.exp(min(logprob, 0.0))
+        at -= len(piece)
     return found
 
 

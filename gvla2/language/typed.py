@@ -14,7 +14,6 @@ from gvla2.language.contracts import (
     LanguageModelError,
     MalformedAnswerError,
     Message,
-    ModelUnavailableError,
     Request,
     UnusableAnswerError,
 )
@@ -49,31 +48,27 @@ def ask_typed(
     parse: Callable[[str], T],
     *,
     purpose: str,
-    schema: Mapping[str, Any] | None = None,
-    grammar: str | None = None,
     tries: int = 3,
     seed: int = 0,
-    temperature: float | None = None,
-    max_tokens: int | None = None,
+    **options: Any,
 ) -> Answered[T]:
     """Ask until ``parse`` accepts the answer; it raises :class:`ValueError` with a sentence on what is wrong.
+
+    ``options`` are a :class:`Request`'s: ``schema``, ``grammar``, ``temperature``, ``max_tokens``.
 
     The rejected answer and the sentence go back to the model, with another seed and at least the temperature
     :data:`WARM`. A truncated answer is always rejected.
 
-    Raises :class:`UnusableAnswerError` after ``tries``, even if the last one was damaged;
-    :class:`ModelUnavailableError` if the server broke off in the last; and any other :class:`LanguageModelError` at
-    once; all with ``transcript``.
+    Raises :class:`UnusableAnswerError` after ``tries``, damaged responses included, and any other
+    :class:`LanguageModelError` at once; both with ``transcript``.
     """
     if tries < 1:
         raise ValueError(f"tries is {tries}; it must be at least 1.")
-    question = Request(messages, seed=seed, temperature=temperature, max_tokens=max_tokens)
-    question = replace(question, schema=schema, grammar=grammar)
-    added, transcript = tuple(messages), list[Mapping[str, Any]]()
-    why = ""
-    failure: LanguageModelError | None = None
+    question = Request(messages, seed=seed, **options)
+    added, why, transcript = tuple(messages), "", list[Mapping[str, Any]]()
     for _ in range(tries):
-        said, parsed, failure = Completion(""), list[T](), None
+        said, parsed = Completion(""), list[T]()
+        failure: LanguageModelError | None = None
         try:
             said = model.complete(question, purpose=purpose)
             parsed = [_parsed(parse, said)]
@@ -84,18 +79,19 @@ def ask_typed(
         transcript.append(_entry(added, question, said, "" if parsed else why))
         if parsed:
             return Answered(parsed[0], tuple(transcript))
-        if failure is not None and not _may_pass(failure):
-            raise _with(transcript, failure)
+        if failure is not None and not isinstance(failure, MalformedAnswerError):
+            failure.transcript = tuple(transcript)
+            raise failure
         added = _correction(said.text, why) if said.text.strip() else ()
         question = replace(
             question,
             messages=(*question.messages, *added),
             seed=(question.seed or 0) + 1,
-            temperature=max(temperature or 0.0, WARM),
+            temperature=max(question.temperature or 0.0, WARM),
         )
-    if isinstance(failure, ModelUnavailableError):
-        raise _with(transcript, failure)
-    raise _with(transcript, UnusableAnswerError(f"No usable answer in {tries} tries; the last time: {why}"))
+    unusable = UnusableAnswerError(f"No usable answer in {tries} tries; the last time: {why}")
+    unusable.transcript = tuple(transcript)
+    raise unusable
 
 
 def _parsed(parse: Callable[[str], T], said: Completion) -> T:
@@ -129,18 +125,6 @@ def _correction(said: str, why: str) -> tuple[Message, ...]:
     shown = said if len(said) <= LONGEST_SHOWN else f"{said[:LONGEST_SHOWN]} ..."
     words = f"That answer cannot be used. {why}\nAnswer the question again, in the form that was asked for."
     return {"role": "assistant", "content": shown}, {"role": "user", "content": words}
-
-
-def _may_pass(failure: LanguageModelError) -> bool:
-    """Whether a retry may succeed: the response was damaged, or broke off."""
-    if isinstance(failure, ModelUnavailableError):
-        return failure.transient and not failure.status
-    return isinstance(failure, MalformedAnswerError)
-
-
-def _with(transcript: Sequence[Mapping[str, Any]], failure: LanguageModelError) -> LanguageModelError:
-    failure.transcript = tuple(transcript)
-    return failure
 
 
 def _shown(content: Any) -> Any:

@@ -1,54 +1,43 @@
-"""What may enter a bank and in which state at best, and how a lesson becomes a record that later episodes extend.
+"""What may enter a bank and in which state at best, how a lesson becomes a record that later episodes extend, and which
+records contradict each other.
 
 Decisions on plain data. Trust follows from the origin of a text, never from what it says about itself: a verified
-episode of ours makes a text ours, and nothing else does.
+episode of ours makes a text ours, and nothing else does. Typed effects are compared exactly; what free texts mean to
+one another is unknown until a judge has decided (:mod:`gvla2.memory.review`).
 """
 
 from __future__ import annotations
 
+import logging
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from numbers import Real
+from typing import Any, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from gvla2.memory.contracts import Lesson, MemoryEpisode, Verdict
+from gvla2.errors import Gvla2Error, kept_alive
+from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, Verdict, Verifier
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import (
     MAX_PHRASINGS,
     MAX_QUERY,
+    OUTCOMES,
     TYPES,
     LifecycleState,
     Record,
     Trust,
     clean,
+    dedup_key,
     dump,
     finite,
     record_id,
 )
 
-FAILED, SUCCEEDED = 0.35, 0.70
-"""A quality R up to the first is a verified failure, from the second on a verified success."""
+log = logging.getLogger(__name__)
+
 MAX_SOURCES = 32
 LARGEST = 1e9
 """Upper limit of an effect's numbers, in any unit."""
-
-
-@dataclass(frozen=True)
-class Weighed:
-    """A weighed lesson: its ``state`` in the bank at best, or None when it is not stored; ``note`` says why.
-
-    ``trust`` is that of its origin. Its dedup ``key`` and unit ``vector`` (D,) are added on storing.
-    """
-
-    lesson: Lesson
-    state: LifecycleState | None
-    note: str = ""
-    trust: Trust = "own"
-    key: str = ""
-    vector: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
 
 def weigh(
@@ -58,8 +47,8 @@ def weigh(
     *,
     trust: Trust = "own",
     ungrounded: str = "",
-) -> Weighed:
-    """Decide on one lesson.
+) -> tuple[LifecycleState | None, str]:
+    """The state of a lesson in the bank at best, None when it is not stored, and why.
 
     Verified lessons of ours may become active; foreign, uncertain and unjudged ones are provisional, and so is a
     model's lesson without evidence (``ungrounded`` says why). A failed episode teaches constraints, never recipes.
@@ -68,19 +57,58 @@ def weigh(
     """
     options = options or BankOptions()
     if not lesson.content.strip():
-        return Weighed(lesson, None, "A lesson without words was left out.")
+        return None, "A lesson without words was left out."
     failed = verdict.outcome == "verified_fail"
     if not options.failures and (failed or lesson.type == "failure_avoidance"):
-        return Weighed(lesson, None, "Learning from failures is switched off.")
+        return None, "Learning from failures is switched off."
     if failed and lesson.type != "failure_avoidance":
-        why = "A recipe from a failed episode was left out: failures only teach constraints."
-        return Weighed(lesson, None, why)
+        return None, "A recipe from a failed episode was left out: failures only teach constraints."
     note = ungrounded
     if not note and trust != "own":
         note = "it comes from outside, and no episode of ours has confirmed it yet"
     elif not note and options.admission and verdict.outcome in ("uncertain", "unavailable"):
         note = f"the outcome {'is uncertain' if verdict.outcome == 'uncertain' else 'could not be judged'}"
-    return Weighed(lesson, "provisional" if note else "active", note, trust)
+    return "provisional" if note else "active", note
+
+
+T = TypeVar("T")
+
+
+def answer_of(call: Callable[[], T], wanted: type[T], instead: Callable[[str], T], who: str) -> T:
+    """The answer of an untrusted component; what there is ``instead``, for a reason, if it raises or is not ``wanted``.
+
+    ``who`` begins each sentence about the component: "The verifier 'mine' of plugin 'mine'".
+    """
+    try:
+        with kept_alive():
+            given = call()
+    except Gvla2Error as error:
+        return instead(str(error))
+    except Exception as error:
+        log.info("%s crashed.", who, exc_info=True)
+        return instead(f"{who} crashed: {type(error).__name__}: {error}")
+    if not isinstance(given, wanted):
+        return instead(f"{who} returned {type(given).__name__}, not a {wanted.__name__}.")
+    return given
+
+
+def verdict_of(verifier: Verifier, evidence: Evidence, name: str = "", who: str = "") -> Verdict:
+    """The verifier's verdict; ``unavailable``, with the reason, if it raises or returns anything else.
+
+    ``name`` is the verifier's in that verdict; without ``who`` its class is named. Whether scores lie in [0, 1] is for
+    :func:`credible`.
+    """
+    who = who or f"The verifier '{name or type(verifier).__name__}'"
+
+    def unavailable(reason: str) -> Verdict:
+        return Verdict.unavailable(reason, name)
+
+    given = answer_of(lambda: verifier.verify(evidence), Verdict, unavailable, who)
+    numbers = (given.quality, given.confidence, *dict(given.criteria).values())
+    if given.outcome not in OUTCOMES or not all(isinstance(number, Real) for number in numbers):
+        known = f"outcomes are {', '.join(OUTCOMES)}, and scores are numbers"
+        return unavailable(f"{who} returned an invalid verdict ({given!r:.200}): {known}.")
+    return given
 
 
 def credible(verdict: Verdict) -> tuple[Verdict, str]:
@@ -96,8 +124,8 @@ def credible(verdict: Verdict) -> tuple[Verdict, str]:
     if not all(-1e-6 <= score <= 1 + 1e-6 for score in scores):  # nor is NaN
         note = f"{who} gave scores that are not in [0, 1]: its verdict counts as unavailable."
         return Verdict.unavailable(note, verdict.verifier), note
-    refuted = {"verified_success": verdict.quality <= FAILED, "verified_fail": verdict.quality >= SUCCEEDED}
-    if refuted.get(verdict.outcome):
+    due = Verdict.from_criteria({"R": min(max(verdict.quality, 0.0), 1.0)}).outcome
+    if {verdict.outcome, due} == {"verified_success", "verified_fail"}:
         claim = f"{verdict.outcome} with R = {verdict.quality:.2f}"
         return replace(verdict, outcome="uncertain"), f"{who} said {claim}: its verdict counts as uncertain."
     return verdict, ""
@@ -125,14 +153,25 @@ def invalid_json(data: Any) -> str:
     return ""
 
 
-def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: Verdict, now: float) -> Record:
-    """The record, of version 0, of a lesson that is new to the bank."""
-    lesson, key = candidate.lesson, candidate.key
+def new_record(
+    bank: str,
+    lesson: Lesson,
+    episode: MemoryEpisode,
+    verdict: Verdict,
+    now: float,
+    *,
+    state: LifecycleState = "active",
+    note: str = "",
+    trust: Trust = "own",
+    key: str = "",
+) -> Record:
+    """The record, of version 0, of a lesson that is new to the bank; its dedup ``key`` follows from the lesson."""
+    key = key or dedup_key(lesson.type, lesson.content, episode.task.skill, lesson.effect)
     judged = verdict.outcome != "unavailable"
     verifier = {
-        "verifier": clean(verdict.verifier, 64),
+        "verifier": verdict.verifier[:64],
         "criteria": finite(verdict.criteria),
-        "reasons": [clean(reason, 300) for reason in verdict.reasons[:8]],
+        "reasons": [reason[:300] for reason in verdict.reasons[:8]],
     }
     return Record(
         id=record_id(lesson.type, bank, key),
@@ -140,7 +179,7 @@ def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: V
         query=phrasings("", episode.task.query),
         content=lesson.content,
         type=lesson.type,
-        state=candidate.state or "provisional",
+        state=state,
         outcome=verdict.outcome,
         confidence=verdict.confidence if judged else 0.0,
         quality=verdict.quality if judged else 0.5,
@@ -152,7 +191,8 @@ def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: V
         skill=clean(episode.task.skill, 64),
         effect=dump(dict(lesson.effect)) if lesson.effect else "",
         provenance=provenance(None, episode),
-        trust=candidate.trust,
+        note=note,
+        trust=trust,
     )
 
 
@@ -160,7 +200,7 @@ def restarted(old: Record, fresh: Record, episode: MemoryEpisode) -> Record:
     """Verified evidence in place of unverified evidence; the record keeps its id, age, text and phrasings."""
     kept = {
         name: getattr(old, name)
-        for name in ("id", "content", "dedup_key", "created", "used", "usage", "recalled", "version", "rev")
+        for name in ("id", "content", "created", "used", "usage", "recalled", "version", "rev")
     }
     query = phrasings(old.query, episode.task.query)
     return replace(fresh, **kept, query=query, provenance=provenance(old, episode))
@@ -189,24 +229,15 @@ def confirmed(record: Record, fresh: Record, episode: MemoryEpisode, verdict: Ve
     )
 
 
-def counted(record: Record, episode: MemoryEpisode) -> bool:
-    """Whether the record already rests on the episode, which counts only once."""
-    return bool(episode.source) and clean(episode.source, 200) in record.sources()
-
-
 def warns(record: Record) -> bool:
     """Whether a record is a constraint that a verified failure supports."""
     return record.outcome == "verified_fail" and record.type == "failure_avoidance"
 
 
-def support(record: Record) -> float:
-    """Quality R of what a record says, in [0, 1]: the worse its episode, the better a constraint."""
-    return 1.0 - record.quality if warns(record) else record.quality
-
-
 def evidence(record: Record) -> float:
-    """The evidence for a record: its support times its episodes."""
-    return round(support(record) * max(record.count, 1), 6)
+    """The evidence for a record: quality R times its episodes; the worse its episode, the better a constraint."""
+    support = 1.0 - record.quality if warns(record) else record.quality
+    return round(support * max(record.count, 1), 6)
 
 
 def standing(record: Record) -> tuple[int, float, float, str]:
@@ -231,7 +262,7 @@ def provenance(known: Record | None, episode: MemoryEpisode) -> str:
     if episode.source:
         source = clean(episode.source, 200)
         sources = [other for other in sources if other != source] + [source]
-    made_by = {clean(str(k), 64): clean(str(v), 200) for k, v in episode.provenance.items()}
+    made_by = {str(k)[:64]: str(v)[:200] for k, v in episode.provenance.items()}
     return dump({**others, "made_by": made_by, "sources": sources[-MAX_SOURCES:]})
 
 
@@ -269,3 +300,54 @@ def pooled_effects(first: Effect, second: Effect) -> dict[str, Any] | None:
     except (KeyError, TypeError, ValueError):
         return dict(first)
     return dict(first if kind == "program" else second)
+
+
+def conflict_of(first: Record, second: Record) -> str:
+    """How the typed effects of two records contradict each other, "" if they don't or there are none."""
+    if not (first.effect and second.effect) or (first.skill and second.skill and first.skill != second.skill):
+        return ""
+    return effects_conflict(first.effect_json() or {}, second.effect_json() or {})
+
+
+def effects_conflict(first: Mapping[str, Any], second: Mapping[str, Any]) -> str:
+    """How two typed effects contradict each other, "" if they don't.
+
+    Disjoint bounds; means too far apart for their deviations (or by half, for single successes without any); a
+    parameter both forbidden and successful. Two programs never do: there are many ways to succeed.
+    """
+    kinds = (first.get("kind"), second.get("kind"))
+    if "program" in kinds or not _same_parameter(first, second):
+        return ""
+    name = str(first.get("parameter"))
+    if "forbid" in kinds:
+        return f"{name} is forbidden and succeeded" if "prior" in kinds else ""
+    try:
+        a, b = float(first.get("value", math.nan)), float(second.get("value", math.nan))
+        deviations = [float(effect.get("sd", 0.0)) for effect in (first, second)]
+        counts = [max(int(effect.get("count", 1)), 1) for effect in (first, second)]
+    except (TypeError, ValueError, OverflowError):
+        return ""
+    if not all(map(math.isfinite, (a, b, *deviations))):
+        return ""
+    scale = max(abs(a), abs(b))
+    if kinds == ("bound", "bound"):
+        ops = (first.get("op", ">="), second.get("op", ">="))
+        low, high = (a, b) if ops[0] == ">=" else (b, a)
+        if set(ops) == {">=", "<="} and low - high > 1e-9 * scale:
+            return f"{name} at least {low:.4g} against at most {high:.4g}"
+    if kinds == ("prior", "prior"):
+        squares = sum((n - 1) * sd**2 for n, sd in zip(counts, deviations, strict=True))
+        pooled = math.sqrt(squares / max(sum(counts) - 2, 1))
+        if abs(a - b) > max(3.0 * pooled, (0.5 if min(counts) < 3 else 0.25) * scale):
+            return f"{name} {a:.4g} against {b:.4g}"
+    return ""
+
+
+def _same_parameter(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
+    """Whether both are about one parameter of one skill and object, if given; metres and shares of a side are not
+    comparable.
+    """
+    if any(str(first.get(name) or "") != str(second.get(name) or "") for name in ("parameter", "scale")):
+        return False
+    given = [(first.get(name), second.get(name)) for name in ("skill", "object")]
+    return all(not mine or not theirs or mine == theirs for mine, theirs in given)

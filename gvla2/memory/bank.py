@@ -2,8 +2,8 @@
 
 A bank lives in a database (:mod:`gvla2.memory.store`), which is the truth; an index in RAM follows it
 (:mod:`gvla2.memory.index`) and is ranked for each recall (:mod:`gvla2.memory.retrieval`). What an episode teaches is
-admitted, merged, held back or discarded (:mod:`gvla2.memory.learning`), governed (:mod:`gvla2.memory.governance`) and,
-where it is doubtful, verified again (:mod:`gvla2.memory.replay`).
+admitted, merged, held back or discarded, and governed (:mod:`gvla2.memory.learning`), and, where it is doubtful, judged
+again (:mod:`gvla2.memory.review`).
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import WrongTypeError
 from gvla2.io.database_url import Closing
+from gvla2.memory import review
 from gvla2.memory.candidates import Candidates
 from gvla2.memory.contracts import (
     Embedder,
@@ -38,23 +38,15 @@ from gvla2.memory.contracts import (
 )
 from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.index import Index
-from gvla2.memory.ledger import OpenBank
+from gvla2.memory.learning import JudgedEpisode, OpenBank, admit, learn
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import MAX_QUERY, LifecycleState, Record, clean, finite
 from gvla2.memory.rendering import item_of, render
 from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
 from gvla2.memory.store import Store, resolved_address
-
-if TYPE_CHECKING:  # a recall does not wait for the modules that decide
-    from gvla2.memory.audit import Problem
-    from gvla2.memory.contradiction import Judged
-    from gvla2.memory.replay import Replayed
-    from gvla2.memory.transfer import Imported
+from gvla2.memory.view import Problem, audit
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
-JUDGED = 16
-"""Maximum number of pairs of lessons that a judge decides after each episode."""
-FROZEN = "The bank is frozen: nothing was learned."
 
 
 @dataclass(frozen=True)
@@ -70,12 +62,11 @@ class Hit:
 class KnowledgeBank(OpenBank, Closing):
     """A named bank, for any number of processes and threads.
 
-    ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or an open store, which is closed with
-    the bank; "" is the user's own memory. It is created if missing. By default it ranks by words, vectors, quality and
-    geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given.
-    ``verifier`` judges stored episodes again, ``judge`` decides
-    whether similar lessons in words contradict each other; ``clock`` gives seconds since the epoch. Waits for other
-    processes at most ``busy_seconds`` at a time.
+    ``address`` is a path, ``sqlite:///path`` or ``postgresql://user@host/name``; "" is the user's own memory. It is
+    created if missing. By default it ranks by words, vectors, quality and geometry, and induces lessons by rules. Texts
+    are embedded by the static table unless an ``embedder`` is given. ``verifier`` judges stored episodes again,
+    ``judge`` decides whether similar lessons in words contradict each other; ``clock`` gives seconds since the epoch.
+    Waits for other processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers it
     as a memory turns that into a degraded answer. Invalid options raise :class:`~gvla2.errors.ConfigurationError`.
@@ -83,7 +74,7 @@ class KnowledgeBank(OpenBank, Closing):
 
     def __init__(
         self,
-        address: str | Path | Store = "",
+        address: str | Path = "",
         *,
         bank: str = "default",
         retriever: Retriever | None = None,
@@ -101,9 +92,7 @@ class KnowledgeBank(OpenBank, Closing):
         self._retriever: Retriever = retriever or HybridRetriever()
         if options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
-        store = address
-        if not isinstance(store, Store):
-            store = Store.open(store or resolved_address("", os.environ), busy_seconds=busy_seconds)
+        store = Store.open(address or resolved_address("", os.environ), busy_seconds=busy_seconds)
         embedder = embedder or StaticEmbedder()
         super().__init__(store, bank, Index(store, bank, embedder), embedder, options, inducer, clock)
         self._lock = threading.RLock()
@@ -116,7 +105,7 @@ class KnowledgeBank(OpenBank, Closing):
             if not len(candidates):
                 return MemoryContext(abstained=f"The bank '{self.bank}' holds no verified knowledge yet.")
             ranked, reason = self._retriever.rank(asked, candidates, vector)
-            items = tuple(item_of(candidates.record(rank.row), rank) for rank in ranked)
+            items = tuple(item_of(candidates.record(one.row), one.score, one.terms) for one in ranked)
             if not items:
                 return MemoryContext(abstained=reason or "The retriever found nothing reliable.")
             return MemoryContext(items, render(items, self.options.max_chars))
@@ -139,23 +128,22 @@ class KnowledgeBank(OpenBank, Closing):
         id of the run. Then, if a judge was given, it compares the new lessons with those near them, and if a verifier
         was given, one doubtful earlier episode is verified again.
         """
-        from gvla2.memory import learning
-
         if not isinstance(episode, MemoryEpisode):
             given = tuple(map(_lesson, lessons))
             context, source = recalled or MemoryContext(), source or f"run/{uuid4()}"
             episode = MemoryEpisode(_task(episode), given, str(verdict), context, source)
             verdict = _reported(success)
         if not isinstance(verdict, Verdict):
-            raise WrongTypeError("An episode needs its Verdict: bank.learn(episode, verdict).")
+            raise TypeError("An episode needs its Verdict: bank.learn(episode, verdict).")
         if self.options.frozen:
-            return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
+            frozen = "The bank is frozen: nothing was learned."
+            return Learned(discarded=len(episode.lessons), notes=(frozen,))
         with self._lock:
-            learned = learning.learn(self, episode, verdict)
-            if self._judge is not None:
-                self.judge(self._judge, about=learned.added, limit=JUDGED)
-            if self._verifier is not None and self.options.replay_per_episode:
-                self.replay(self._verifier, limit=self.options.replay_per_episode, but=episode.source)
+            learned = learn(self, episode, verdict)
+            if self._judge is not None and self.options.governance:
+                review.judge(self, self._judge, learned.added)
+            if self._verifier is not None and self.options.replay:
+                review.replay(self, self._verifier, but=episode.source)
             return learned
 
     def admit(
@@ -173,62 +161,14 @@ class KnowledgeBank(OpenBank, Closing):
         as for the user's own episodes, and serves as verdict if none is given.
         """
         given = verdict or _reported(True if trusted else None)
-        return self.admit_many([(_lesson(lesson), given, task, source)], trusted=trusted)
-
-    def admit_many(
-        self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]], *, trusted: bool = False
-    ) -> Learned:
-        """Add many lessons, each with its verdict, task and source ("" for none); see :meth:`admit`.
-
-        Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
-        """
-        from gvla2.memory.learning import JudgedEpisode, admit
-
-        if self.options.frozen:
-            return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
-        judged = [
-            JudgedEpisode.lesson(lesson, verdict, _task(task), source, own=trusted)
-            for lesson, verdict, task, source in items
-        ]
+        judged = JudgedEpisode.lesson(_lesson(lesson), given, _task(task), source, own=trusted)
         with self._lock:
-            return admit(self, judged)
-
-    def judge(
-        self, judge: Judge, *, about: Collection[str] | None = None, limit: int | None = None
-    ) -> Judged:
-        """Let ``judge`` decide which similar lessons in words contradict each other.
-
-        It gets at most ``limit`` pairs with a record in ``about`` (all by default). Of two that contradict each other,
-        the less trusted, else the one with less evidence, is archived. Without governance nothing is judged.
-        """
-        from gvla2.memory import contradiction
-
-        if not self.options.governance or self.options.frozen:
-            return contradiction.Judged()
-        with self._lock:
-            return contradiction.judge(self, judge, about=about, limit=limit)
-
-    def replay(self, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
-        """Verify doubtful episodes again, and promote or demote their lessons accordingly.
-
-        At most ``limit`` episodes, the least certain first, except that of the source ``but``. A verifier that is
-        unavailable changes nothing.
-        """
-        from gvla2.memory import replay
-
-        if not self.options.replay or self.options.frozen:
-            return replay.Replayed()
-        with self._lock:
-            return replay.replay(self, verifier, limit=limit, but=but)
+            return admit(self, [judged])
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False if there is none."""
-        with self._lock:
-            try:
-                with self.store.writing(self.bank, actor="forget", now=self.clock()) as transaction:
-                    return bool(transaction.forget(id, why=why))
-            finally:
-                self.index.refresh()
+        with self._lock, self.store.writing(self.bank, actor="forget", now=self.clock()) as transaction:
+            return bool(transaction.forget(id, why=why))
 
     def records(self, states: Sequence[LifecycleState] | None = None) -> list[Record]:
         """The bank's records in these states (all by default), by id."""
@@ -240,37 +180,29 @@ class KnowledgeBank(OpenBank, Closing):
         with self._lock:
             asked, vector = self._asked(text)
             served, found = self._candidates("active"), self._candidates("active", "provisional")
-            ranked, _ = self._retriever.rank(asked, served, vector)
-            hits = [Hit(served.record(r.row), r.score, r.terms, reliable=True) for r in ranked]
-            known = {hit.record.id for hit in hits}
-            lexical, cosine = found.lexical(asked.query), found.cosine(vector)
-            score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
-            for row in np.argsort(-score, kind="stable")[: max(k, 0) + len(known)].tolist():
-                if score[row] > 0 and (record := found.record(row)).id not in known:
-                    terms = {"lexical": float(lexical[row]), "cosine": float(cosine[row])}
-                    hits.append(Hit(record, float(score[row]), terms, reliable=False))
-            return hits[: max(k, 0)]
+        ranked, _ = self._retriever.rank(asked, served, vector)
+        hits = [Hit(served.record(r.row), r.score, r.terms, reliable=True) for r in ranked]
+        known = {hit.record.id for hit in hits}
+        lexical, cosine = found.lexical(asked.query), found.cosine(vector)
+        score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
+        for row in np.argsort(-score, kind="stable").tolist():
+            if score[row] > 0 and (record := found.record(row)).id not in known:
+                terms = {"lexical": float(lexical[row]), "cosine": float(cosine[row])}
+                hits.append(Hit(record, float(score[row]), terms, reliable=False))
+        return hits[: max(k, 0)]
 
     def verify(self, *, head: str = "") -> list[Problem]:
         """The bank's problems, [] if there are none.
 
         ``head`` is "SEQ:HASH" from :meth:`stats`, kept elsewhere: with it, a truncated chain is found too.
         """
-        from gvla2.memory.audit import audit
-
         with self.store.reading(self.bank) as view:
             return audit(view, head)
 
     def stats(self) -> dict[str, Any]:
-        """Numbers about the bank."""
-        return self.store.stats(self.bank)
-
-    def import_(self, path: str | Path, *, trusted: bool = False, source: str = "import") -> Imported:
-        """Admit the lessons of a file of :meth:`export`; provisional unless ``trusted``, as your own export."""
-        from gvla2.memory.transfer import import_jsonl
-
-        with self._lock:
-            return import_jsonl(self, Path(path), trusted=trusted, source=source)
+        """Numbers about the bank: records by state and type, links, events, episodes, rev, head of the chain."""
+        with self.store.reading(self.bank) as view:
+            return view.counts()
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
@@ -293,17 +225,11 @@ class KnowledgeBank(OpenBank, Closing):
 
 
 def _task(task: MemoryTask | str) -> MemoryTask:
-    given = MemoryTask(task) if isinstance(task, str) else task
-    if not isinstance(given, MemoryTask):
-        raise WrongTypeError(f"A task is a sentence or a MemoryTask, not {task!r}.")
-    return given
+    return MemoryTask(task) if isinstance(task, str) else task
 
 
 def _lesson(lesson: Lesson | str) -> Lesson:
-    given = Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
-    if not isinstance(given, Lesson):
-        raise WrongTypeError(f"A lesson is a sentence or a Lesson, not {lesson!r}.")
-    return given
+    return Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
 
 
 def _reported(success: bool | None) -> Verdict:

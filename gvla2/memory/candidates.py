@@ -14,7 +14,6 @@ from gvla2.memory.text import subqueries, terms
 Array = NDArray[np.float64]
 UNSEEN = 10
 """Pseudo-records added to a bank's count: in a small bank every word would be rare."""
-SECONDS_PER_DAY = 86_400.0
 
 
 class HeldRecord:
@@ -78,10 +77,5 @@ class Candidates:
         holders = np.count_nonzero(has, axis=1)
         idf = np.log1p((len(self) + UNSEEN - holders + 0.5) / (holders + 0.5))  # (T,)
         weights = np.array([[term in some for term in every] for some in asked]) * idf  # (Q, T)
-        best = np.zeros(len(self))
-        for some in weights / weights.sum(axis=1, keepdims=True):
-            share = np.zeros(len(self))
-            for row in np.flatnonzero(some):
-                share[has[row]] += some[row]
-            np.maximum(best, share, out=best)
-        return best
+        shares = weights / weights.sum(axis=1, keepdims=True)
+        return np.asarray(np.max([(some[:, None] * has).sum(axis=0) for some in shares], axis=0))

@@ -1,4 +1,4 @@
-"""A bank in RAM, which follows the store: it reads the bank's ``rev`` and applies newer changes."""
+"""A bank in RAM, which follows the store."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gvla2.memory.contracts import Embedder
 from gvla2.memory.embedding import StaticEmbedder, record_vectors
 from gvla2.memory.records import OUTCOMES, TYPES, Record
 from gvla2.memory.store import Store
-from gvla2.memory.view import RecordChange
+from gvla2.memory.view import Embedded
 
 STATES = ("provisional", "active")
 """The states held in RAM; a record of any other is dropped."""
@@ -23,20 +23,18 @@ STATES = ("provisional", "active")
 class Index:
     """The records of ``bank`` that may be ranked, with vectors by ``embedder``. Not thread-safe.
 
-    Stored vectors of another model are replaced, except by the static table's: those are quickly made.
+    It is read anew when the bank's ``rev`` differs. Stored vectors of another model are replaced, except by the
+    static table's: those are quickly made.
     """
 
     def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
         self.bank, self.rev = bank, 0
         self._store, self._embedder = store, embedder
         self._replaces = not isinstance(embedder, StaticEmbedder)
-        self._dimension = int(embedder.embed([""]).shape[1])
+        self._shape = embedder.embed([""])[0].shape
         self._held: dict[str, HeldRecord] = {}
         self._candidates: dict[tuple[str, ...], Candidates] = {}
         self._made: list[tuple[Record, NDArray[np.float32]]] = []
-
-    def __len__(self) -> int:
-        return len(self._held)
 
     def clear(self) -> None:
         """Forget everything: the next refresh reads the whole bank."""
@@ -45,28 +43,20 @@ class Index:
         self._candidates.clear()
 
     def refresh(self) -> None:
-        """Apply newer changes of the store's bank; quick when there are none.
+        """Read the store's bank if it changed; quick if it did not.
 
         Raises :class:`~gvla2.errors.MemoryStoreError` when the store cannot be read; the index is then unchanged.
         """
-        rev = self._store.rev(self.bank)
-        if rev == self.rev:
+        if self._store.rev(self.bank) == self.rev:
             return
-        since = self.rev if rev > self.rev else 0  # else a different database replaced the known one
         with self._store.reading(self.bank) as view:
-            rev, changes = view.rev, view.changes(since)
-        kept = [
-            one
-            for one in changes
-            if one.record.state in STATES and one.record.type in TYPES and one.record.outcome in OUTCOMES
+            rev, stored = view.rev, view.embedded(STATES)
+        held = [
+            HeldRecord(one.record, vector, one.conflicts)
+            for one, vector in self._with_vectors(stored)
+            if one.record.type in TYPES and one.record.outcome in OUTCOMES
         ]
-        vectors = self._vectors(kept)
-        if not since:
-            self.clear()
-        for change in changes:
-            self._held.pop(change.record.id, None)
-        for one, vector in zip(kept, vectors, strict=True):
-            self._held[one.record.id] = HeldRecord(one.record, vector, one.conflicts)
+        self._held = {one.record.id: one for one in held}
         self._candidates.clear()
         self.rev = rev
 
@@ -96,16 +86,14 @@ class Index:
         found.now = now
         return found
 
-    def nearest(
-        self, vector: NDArray[np.float32], k: int, states: Sequence[str] = ("active",)
-    ) -> list[tuple[Record, float]]:
-        """The at most ``k`` records with the largest cosine to a unit (D,) vector, with it; equal ones by id.
+    def nearest(self, vector: NDArray[np.float32], k: int) -> list[tuple[Record, float]]:
+        """The at most ``k`` active records with the largest cosine to a unit (D,) vector, with it; equal ones by id.
 
         A zero vector has no neighbours.
         """
         if k <= 0 or not vector.any():
             return []
-        candidates = self.candidates(states)
+        candidates = self.candidates(["active"])
         cosines = candidates.cosine(vector)
         best = np.argsort(-cosines, kind="stable")[:k]
         return [(candidates.record(row), float(cosines[row])) for row in best.tolist()]
@@ -115,25 +103,22 @@ class Index:
         return self._held.get(id)
 
     def records(self, state: str) -> list[Record]:
-        """The records held in a state."""
-        return [one.record for one in self._held.values() if one.record.state == state]
+        """The records held in a state, by id."""
+        held = [one.record for one in self._held.values() if one.record.state == state]
+        return sorted(held, key=lambda record: record.id)
 
-    def _vectors(self, changes: Sequence[RecordChange]) -> list[NDArray[np.float32]]:
-        """The valid stored (D,) vectors by this embedder's model, new ones for the others."""
+    def _with_vectors(self, stored: Sequence[Embedded]) -> list[tuple[Embedded, NDArray[np.float32]]]:
+        """The records with the stored (D,) vectors by this embedder's model, and new ones for the others."""
         model = self._embedder.model
-        found = [one.vector if one.model == model and self._valid(one.vector) else None for one in changes]
-        missing = [i for i, vector in enumerate(found) if vector is None]
-        texts = [(changes[i].record.query, changes[i].record.content) for i in missing]
-        made = record_vectors(self._embedder, texts) if missing else ()
-        for i, vector in zip(missing, made, strict=True):
-            found[i] = vector = np.nan_to_num(vector)
-            if not changes[i].model or (self._replaces and changes[i].model != model):
-                self._made.append((changes[i].record, vector))
-        return [vector for vector in found if vector is not None]
-
-    def _valid(self, vector: NDArray[np.float32] | None) -> bool:
-        """Whether a stored vector may be used: finite, and of length 1 or 0."""
-        if vector is None or vector.shape != (self._dimension,):
-            return False
-        square = float(vector.astype(np.float64) @ vector)
-        return square == 0.0 or abs(square - 1.0) < 2e-2
+        vectors = {
+            one.record.id: one.vector
+            for one in stored
+            if one.model == model and one.vector is not None and one.vector.shape == self._shape
+        }
+        missing = [one for one in stored if one.record.id not in vectors]
+        made = record_vectors(self._embedder, [(one.record.query, one.record.content) for one in missing])
+        for one, vector in zip(missing, np.nan_to_num(made), strict=True):
+            vectors[one.record.id] = vector
+            if not one.model or (self._replaces and one.model != model):
+                self._made.append((one.record, vector))
+        return [(one, vectors[one.record.id]) for one in stored]

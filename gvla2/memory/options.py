@@ -17,12 +17,8 @@ class BankOptions:
     budget, and contradictions stay), ``failures`` (off: nothing is learned from failures). ``retrieval`` is "full", or
     "semantic", which ranks by similarity alone. ``frozen`` stops learning while recall goes on.
 
-    Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
-    records.
-
-    Contradicting effects are looked for among the ``rivals`` nearest records; a judge compares lessons above a cosine
-    of ``match``. Governance retires unused failures after ``retire_days``. Replay looks at records with a confidence
-    below ``replay_confidence``, at most ``replay_per_episode`` episodes after each that is learned (0: only on demand).
+    ``max_chars`` bounds a context, ``active_budget`` and ``provisional_budget`` the records. Governance retires unused
+    failures after ``retire_days``. Replay looks at records with a confidence below ``replay_confidence``.
     """
 
     admission: bool = True
@@ -32,30 +28,17 @@ class BankOptions:
     retrieval: str = "full"
     frozen: bool = False
     max_chars: int = 2400
-    max_per_episode: int = 16
     active_budget: int = 10_000
     provisional_budget: int = 2_000
-    rivals: int = 16
-    match: float = 0.35
     retire_days: float = 14.0
     replay_confidence: float = 0.4
-    replay_per_episode: int = 1
 
     def check(self, where: str = "BankOptions") -> None:
         """Raises :class:`~gvla2.errors.ConfigurationError` for invalid values; ``where`` they were given."""
         if self.retrieval not in ("full", "semantic"):
             raise ConfigurationError(f"{where}.retrieval is '{self.retrieval}'; it must be full or semantic.")
-        shares = dict.fromkeys(("match", "replay_confidence"), (0, 1, ""))
-        numbers = (
-            "max_chars",
-            "max_per_episode",
-            "active_budget",
-            "provisional_budget",
-            "rivals",
-            "retire_days",
-        )
-        least = dict.fromkeys((*numbers, "replay_per_episode"), (0, 1e12, ""))
-        check_ranges(self, where, {**least, **shares})
+        sizes = ("max_chars", "active_budget", "provisional_budget", "retire_days")
+        check_ranges(self, where, {**dict.fromkeys(sizes, (0, 1e12, "")), "replay_confidence": (0, 1, "")})
 
 
 @dataclass
@@ -127,10 +110,3 @@ class HybridOptions:
             if getattr(self.weights, name) == 0:
                 why = "is 0, and S divides by it: give a positive one"
                 raise ConfigurationError(f"The weight '{name}' of the retriever {why}.")
-
-
-@dataclass(kw_only=True)
-class SemanticOptions:
-    """Options of :class:`gvla2.memory.retrieval.SemanticRetriever`: the most it returns."""
-
-    top_k: int = 3

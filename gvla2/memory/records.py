@@ -24,22 +24,22 @@ OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
 FORGOTTEN = "forgotten"
 """The state of a tombstone: the record was forgotten, and only its id and number of changes are left."""
+SECONDS_PER_DAY = 86_400.0
 MAX_QUERY, MAX_PHRASINGS = 1000, 8
 """Maximum length of one instruction in a record, characters, and maximum number of instructions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One lesson in a bank. Links and the embedding are kept apart, see :class:`~gvla2.memory.events.Link` and
-    :class:`~gvla2.memory.view.RecordChange`.
+    """One lesson in a bank. Links and the embedding are kept apart, see :class:`~gvla2.memory.tables.Link` and
+    :class:`~gvla2.memory.view.Embedded`.
 
     ``query`` are the instructions it came from, one per line; ``count`` how many episodes say the same; ``usage`` how
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one that was
     verified as either. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
     ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect`` one
     or "". ``trust`` follows from the origins of its events. Only the store sets ``version``, which counts the changes
-    of this record (0: not stored yet), and ``rev``, the number of the bank's transaction that last changed it or a link
-    of it.
+    of this record (0: not stored yet), and ``rev``, the number of the bank's transaction that last changed it.
     """
 
     id: str
@@ -95,10 +95,7 @@ class Record:
 COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(Record))
 """The columns of a record, in the order of :class:`Record` and of its table."""
 
-_JSON_COLUMNS = tuple(COLUMNS.index(name) for name in ("verifier", "signature", "effect", "provenance"))
-_NUMBERS = tuple(COLUMNS.index(name) for name in ("confidence", "quality", "created", "updated", "used"))
-_COUNTS = tuple(COLUMNS.index(name) for name in ("count", "usage", "recalled"))
-_SIGNATURE, _EFFECT = COLUMNS.index("signature"), COLUMNS.index("effect")
+_JSON_COLUMNS = ("verifier", "signature", "effect", "provenance")
 _VALUES = attrgetter(*COLUMNS)
 COLUMN_TYPES = tuple({"float": float, "int": int}.get(str(field.type), str) for field in fields(Record))
 _CODEC = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
@@ -126,26 +123,21 @@ def load_object(text: str) -> dict[str, Any]:
 
 def damage_of(row: tuple[Any, ...]) -> str:
     """What is wrong with a stored row (columns as in :data:`COLUMNS`), "" if nothing."""
-    if tuple(map(type, row)) != COLUMN_TYPES:
-        columns = zip(COLUMNS, row, COLUMN_TYPES, strict=True)
-        return (
-            f"{', '.join(name for name, value, kind in columns if type(value) is not kind)} of a wrong type"
-        )
-    for i in _NUMBERS:
-        if not math.isfinite(row[i]):
-            return f"{COLUMNS[i]} is not a finite number"
-    for i in _COUNTS:
-        if not 0 <= row[i] < 2**63:
-            return f"{COLUMNS[i]} is not a count"
-    for i in _JSON_COLUMNS:
-        if row[i] == "{}" or (i == _EFFECT and not row[i]):
+    for name, value, kind in zip(COLUMNS, row, COLUMN_TYPES, strict=True):
+        if type(value) is not kind:
+            return f"{name} of a wrong type"
+        if kind is float and not math.isfinite(value):
+            return f"{name} is not a finite number"
+        if kind is int and not 0 <= value < 2**63:
+            return f"{name} is not a count"
+        if name not in _JSON_COLUMNS or value == "{}" or (name == "effect" and not value):
             continue
         try:
-            data = load_object(row[i])
-            if i == _SIGNATURE and not all(math.isfinite(float(value)) for value in data.values()):
+            data = load_object(value)
+            if name == "signature" and not all(math.isfinite(float(number)) for number in data.values()):
                 return "signature has a value that is not a number"
         except (ValueError, TypeError, RecursionError) as error:
-            return f"{COLUMNS[i]} is not valid JSON ({error})"
+            return f"{name} is not valid JSON ({error})"
     return ""
 
 

@@ -14,10 +14,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.candidates import SECONDS_PER_DAY, Array, Candidates, HeldRecord
+from gvla2.memory.candidates import Array, Candidates, HeldRecord
 from gvla2.memory.contracts import MemoryTask, Ranked
-from gvla2.memory.options import HybridOptions, ScoreWeights, SemanticOptions
-from gvla2.memory.records import Record, dump
+from gvla2.memory.options import HybridOptions, ScoreWeights
+from gvla2.memory.records import SECONDS_PER_DAY, Record, dump
 from gvla2.memory.text import subqueries, words
 
 _LOOKED_AT = 1000
@@ -111,13 +111,13 @@ class HybridRetriever:
 
 
 class SemanticRetriever:
-    """The plain baseline: the nearest vectors, without a threshold.
+    """The plain baseline: the ``top_k`` nearest vectors, without a threshold.
 
     It never abstains, except that a query or bank without vectors finds nothing.
     """
 
-    def __init__(self, options: SemanticOptions | None = None) -> None:
-        self._options = options or SemanticOptions()
+    def __init__(self, top_k: int = 3) -> None:
+        self._top_k = top_k
 
     def rank(
         self, task: MemoryTask, candidates: Candidates, query_embedding: NDArray[np.float32]
@@ -128,9 +128,8 @@ class SemanticRetriever:
         if not query_embedding.any():
             return (), "The query has no vector to search by."
         cosines = candidates.cosine(query_embedding)
-        best = np.argsort(-cosines, kind="stable")[: max(self._options.top_k, 0)].tolist()
-        ranked = [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best]
-        return ranked, "" if ranked else "The retriever's top_k is 0."
+        best = np.argsort(-cosines, kind="stable")[: self._top_k].tolist()
+        return [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best], ""
 
 
 @lru_cache(maxsize=1024)

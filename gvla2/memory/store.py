@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import fcntl
 import os
-import random
 import re
 import sqlite3
-import time
 import unicodedata
 import zlib
 from abc import ABC, abstractmethod
@@ -27,7 +25,7 @@ from sqlalchemy.pool import QueuePool
 
 from gvla2.errors import ConfigurationError, MemoryStoreError, MissingDependencyError
 from gvla2.io.database_url import Closing, parsed
-from gvla2.memory.events import BANK, META, METADATA, SCHEMA_VERSION, TABLES
+from gvla2.memory.tables import BANK, META, METADATA, SCHEMA_VERSION, TABLES
 from gvla2.memory.transaction import Transaction
 from gvla2.memory.view import BankView
 
@@ -40,7 +38,7 @@ class Store(Closing, ABC):
     ``name`` is the file or address for messages, without a password. Idle connections are kept and hold no lock; each
     thread has its own, and a forked process new ones. Every method raises :class:`~gvla2.errors.MemoryStoreError` when
     the database cannot be used. Damaged rows are skipped when reading and reported by
-    :func:`~gvla2.memory.audit.audit`; they block nothing else.
+    :func:`~gvla2.memory.view.audit`; they block nothing else.
     """
 
     begin_reading: str
@@ -107,8 +105,7 @@ class Store(Closing, ABC):
         ``actor`` is the decision's author (a command, an operation of the bank), ``now`` seconds since the epoch. All
         its changes get one ``rev``, which is allocated here; a transaction without changes leaves no trace.
         """
-        if wrong := wrong_bank_name(bank):
-            raise MemoryStoreError(wrong)
+        check_bank(bank)
         with self._connection() as connection, _ended(connection):
             self._begin(connection, bank)
             transaction = Transaction(connection, bank, actor, now)
@@ -133,11 +130,6 @@ class Store(Closing, ABC):
         """Names of the banks ever written to."""
         with self._connection() as connection:
             return sorted(map(str, connection.execute(select(BANK.c.bank)).scalars()))
-
-    def stats(self, bank: str) -> dict[str, Any]:
-        """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain."""
-        with self.reading(bank) as view:
-            return view.counts()
 
     def compact(self) -> None:
         """Rewrite the database without deleted data, and free space."""
@@ -274,26 +266,8 @@ class SqliteStore(Store):
             raise MemoryStoreError(f"The memory {self.name} cannot be used: {error}.") from error
 
     def _begin(self, connection: Connection, bank: str) -> None:
-        """Take the write lock: a transaction that reads first and writes later would fail under contention.
-
-        SQLite's own waiting sleeps ever longer, so the last to come is served first. Here the pauses get shorter the
-        longer a process has waited: none starves.
-        """
-        raw: Any = connection.connection.dbapi_connection
-        began = time.monotonic()
-        raw.execute("PRAGMA busy_timeout=0")
-        try:
-            while True:
-                try:
-                    raw.execute("BEGIN IMMEDIATE")
-                    return
-                except sqlite3.OperationalError as error:
-                    waited = time.monotonic() - began
-                    if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or waited > self._busy_seconds:
-                        raise
-                time.sleep(random.uniform(0.5, 1.5) * max(0.0002, 0.004 * (1 - waited / 0.3)))
-        finally:
-            raw.execute(f"PRAGMA busy_timeout={int(1000 * self._busy_seconds)}")
+        """Take the write lock: a transaction that reads first and writes later would fail under contention."""
+        connection.exec_driver_sql("BEGIN IMMEDIATE")
 
     def _check(self) -> None:
         """Check that the file still exists: a change to a deleted file would be lost."""
@@ -390,22 +364,15 @@ def resolved_address(address: str, environment: Mapping[str, str]) -> str:
 
 
 def check_bank(name: str) -> None:
-    """Raises :class:`~gvla2.errors.ConfigurationError` where a memory's option ``bank`` cannot be a bank's name."""
-    if wrong := wrong_bank_name(name):
-        raise ConfigurationError(f"The option 'memory.bank' is wrong: {wrong}")
-
-
-def wrong_bank_name(name: str) -> str:
-    """Why ``name`` is not a valid bank name, as a sentence; "" if it is.
+    """Raises :class:`~gvla2.errors.ConfigurationError` for a name that a bank cannot have.
 
     Letters and digits of any language and ``. _ - /``, the first a letter or digit, composed (NFC), so that
     equal-looking names are equal. Spaces, quotes, control characters and direction marks would be misread in a shell, a
     message or a file name.
     """
     letters = all(c in "._-/" or unicodedata.category(c)[0] in "LMN" for c in name) and name[:1].isalnum()
-    if letters and len(name) <= LONGEST_NAME and unicodedata.is_normalized("NFC", name):
-        return ""
-    return (
-        f"{name[:LONGEST_NAME]!a} cannot be the name of a bank: a name begins with a letter or digit, continues "
-        f"with letters and digits of any language and . _ - /, and has at most {LONGEST_NAME} characters."
-    )
+    if not letters or len(name) > LONGEST_NAME or not unicodedata.is_normalized("NFC", name):
+        raise ConfigurationError(
+            f"{name[:LONGEST_NAME]!a} cannot be the name of a bank: a name begins with a letter or digit, continues "
+            f"with letters and digits of any language and . _ - /, and has at most {LONGEST_NAME} characters."
+        )

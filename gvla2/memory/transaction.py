@@ -6,23 +6,30 @@ and notes refer to other records only by id, never by their words, so nothing el
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Connection, Row, delete, insert, update
+from sqlalchemy import Connection, Row, Table, delete, insert, update
 from sqlalchemy.dialects import postgresql, sqlite
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.events import (
+from gvla2.memory.records import (
+    COLUMN_TYPES,
+    FORGOTTEN,
+    Record,
+    as_json,
+    clean,
+    damage_of,
+    dump,
+    load_object,
+)
+from gvla2.memory.tables import (
     BANK,
     EPISODE,
     EVENT,
-    EVENT_COLUMNS,
     GENESIS,
     LINK,
     RECORD,
@@ -33,17 +40,6 @@ from gvla2.memory.events import (
     payload_digest,
     row_digest,
 )
-from gvla2.memory.records import (
-    COLUMN_TYPES,
-    COLUMNS,
-    FORGOTTEN,
-    Record,
-    as_json,
-    clean,
-    damage_of,
-    dump,
-    load_object,
-)
 from gvla2.memory.view import BankView, batches, valid_record
 
 MAX_WHY = 2000
@@ -51,10 +47,6 @@ MAX_TEXT = 2_000_000
 """Characters that one column may hold."""
 ERASED = {"why": "", "scores": "", "change": "", "origin": "", "state": "", "salt": b""}
 """The erased payload of an event about something forgotten; without a later event of the forgetting it is damage."""
-
-
-class StaleRecordError(MemoryStoreError):
-    """A record was changed by another process after it was read: read it again and decide again."""
 
 
 class Transaction(BankView):
@@ -92,26 +84,22 @@ class Transaction(BankView):
     ) -> Record:
         """Store a record and the event that explains it; returns it as stored.
 
-        A record of version 0 is new; any other must be of the version that is stored, or :class:`StaleRecordError` is
-        raised. A ``vector`` (D,) is the embedding of its text by ``model``; without one the stored vector stays, unless
-        the text changed. ``origin`` is the source of the evidence, "" for none. Raises :class:`MemoryStoreError` for
-        what :func:`checked` and :func:`vector_row` refuse, before anything is written.
+        A record of version 0 is new; any other must be of the version that is stored. A ``vector`` (D,) is the
+        embedding of its text by ``model``; without one the stored vector stays, unless the text changed. ``origin`` is
+        the source of the evidence, "" for none. Raises :class:`MemoryStoreError` for another version, and for what
+        :func:`checked` refuses, before anything is written.
         """
         row = next(self.rows(ids=[record.id]), None)
         old = valid_record(row) if row is not None else None
         if record.version != (expected := old.version if old else 0):
             now = f"is of version {expected} by now, not {record.version}: read it again"
-            raise StaleRecordError(f"Record '{record.id}' of bank '{self.bank}' {now}.")
+            raise MemoryStoreError(f"Record '{record.id}' of bank '{self.bank}' {now}.")
         # A tombstone and a damaged row are replaced.
         version = row.version if row is not None and type(row.version) is int else 0
         stored = checked(record, self.bank, version + 1, self.rev)
-        embedded = None if vector is None else vector_row(vector, model, stored.id, self.bank)
-        if row is None:
-            self.sql.execute(insert(RECORD), as_json(stored))
-        else:
-            self._replace_row(stored)
-        if embedded is not None:
-            self.sql.execute(upsert(self.sql, VECTOR, ("bank", "id")), embedded)
+        self._write(RECORD, as_json(stored))
+        if vector is not None:
+            self._write(VECTOR, self._vector_row(stored, vector, model))
         elif old is None or old.text != stored.text:
             self._change(delete(VECTOR), VECTOR.c.id, [stored.id])
         change = _difference(old, stored) if old else as_json(stored)
@@ -124,20 +112,20 @@ class Transaction(BankView):
         Vectors are derived data: this is not an event, and changes no record.
         """
         stored = {row.id: row.version for row in self.rows(ids=[record.id for record, _ in vectors])}
-        current = [(one, vector) for one, vector in vectors if stored.get(one.id) == one.version]
-        if current:
-            rows = [vector_row(vector, model, one.id, self.bank) for one, vector in current]
-            self.sql.execute(upsert(self.sql, VECTOR, ("bank", "id")), rows)
+        for one, vector in vectors:
+            if stored.get(one.id) == one.version:
+                self._write(VECTOR, self._vector_row(one, vector, model))
+
+    def _vector_row(self, record: Record, vector: NDArray[np.floating[Any]], model: str) -> dict[str, Any]:
+        stored = np.asarray(vector, "<f4")
+        row = {"bank": self.bank, "id": record.id, "model": model}
+        return {**row, "dimension": stored.size, "vector": stored.tobytes()}
 
     def link(self, source: str, kind: str, target: str, why: str = "") -> None:
-        """Link two records, unless they are linked so already. Both ends count as changed (rev)."""
-        if source == target or not kind or len(self.records(ids=[source, target])) < 2:
-            needed = f"it needs two different records of bank '{self.bank}' and a kind"
-            raise MemoryStoreError(f"Cannot link '{source}' to '{target}' as '{kind}': {needed}.")
+        """Link two different records, unless they are linked so already."""
         if any((one.source, one.kind, one.target) == (source, kind, target) for one in self.links([source])):
             return
-        self.sql.execute(insert(LINK), {"bank": self.bank, **asdict(Link(source, kind, target, self.now))})
-        self._touch([source, target])
+        self.sql.execute(insert(LINK), {"bank": self.bank, **Link(source, kind, target, self.now)._asdict()})
         self._append(f"link:{kind}", source, target, why)
 
     def decide(self, action: str, record: str = "", *, why: str = "") -> None:
@@ -146,17 +134,11 @@ class Transaction(BankView):
 
     def save_episode(self, episode: StoredEpisode) -> None:
         """Store an episode for replay, replacing its source's earlier one; its digest goes on the chain."""
-        source, at = clean(episode.source, 200), float(episode.at)
-        if not source or not math.isfinite(at):
-            raise MemoryStoreError("An episode can be stored under a source and with a finite time only.")
-        try:
-            data = episode.to_json()
-        except (ValueError, TypeError, RecursionError) as error:
-            raise MemoryStoreError(f"The episode '{source}' is not valid JSON: {error}.") from error
+        source, at, data = clean(episode.source, 200), float(episode.at), episode.to_json()
         known = next(self.episode_rows([source]), None)
         name = known.name if known is not None else f"episode-{os.urandom(8).hex()}"
         row = {"bank": self.bank, "source": source, "name": name, "at": at, "data": data}
-        self.sql.execute(upsert(self.sql, EPISODE, ("bank", "source")), row)
+        self._write(EPISODE, row)
         self._append("episode", name, change={"episode": digest_of(at, data), "source": source})
 
     def forget(self, *ids: str, why: str = "") -> list[str]:
@@ -167,8 +149,6 @@ class Transaction(BankView):
         rows = {row.id: row for row in self.rows(ids=ids) if row.state != FORGOTTEN}
         if not rows:
             return []
-        ends = {end for link in self.links(rows) for end in (link.source, link.target)}
-        self._touch(ends - rows.keys())
         for column in (LINK.c.source, LINK.c.target, VECTOR.c.id):
             self._change(delete(column.table), column, rows)
         for column in (EVENT.c.record, EVENT.c.target):
@@ -179,7 +159,7 @@ class Transaction(BankView):
             blank |= {"state": FORGOTTEN, "confidence": 0.0, "quality": 0.0, "count": 0}
             blank |= {"created": self.now, "updated": self.now, "version": version, "rev": self.rev}
             tombstone = Record(row.id, self.bank, dedup_key=f"{FORGOTTEN}:{row.id}", **blank)
-            self._replace_row(tombstone)
+            self._write(RECORD, as_json(tombstone))
             self._append("forget", tombstone.id, why=why, change=as_json(tombstone), row=tombstone)
         self._forget_episodes(rows)
         self.forgotten += rows
@@ -223,36 +203,26 @@ class Transaction(BankView):
         header = (self.bank, self._seq, self.rev, self.now, self._actor, clean(action, 64), record, target)
         prev, self._hash = self._hash, digest_of(self._hash, *header, digest)
         values = (*header, *payload, salt, digest, prev, self._hash)
-        self.sql.execute(insert(EVENT), dict(zip(EVENT_COLUMNS, values, strict=True)))
+        self.sql.execute(insert(EVENT), dict(zip(EVENT.columns.keys(), values, strict=True)))
 
     def finish(self) -> None:
         """Advance the bank's own row, if anything happened; the last step before the commit."""
         if self._seq != self._began:
             head = {"bank": self.bank, "rev": self.rev, "seq": self._seq, "hash": self._hash, "at": self.now}
-            self.sql.execute(upsert(self.sql, BANK, ("bank",)), head)
+            self._write(BANK, head)
 
-    def _replace_row(self, record: Record) -> None:
-        where = (RECORD.c.bank == self.bank) & (RECORD.c.id == record.id)
-        changed = {name: getattr(record, name) for name in COLUMNS if name not in ("id", "bank")}
-        self.sql.execute(update(RECORD).where(where).values(changed))
-
-    def _touch(self, ids: Iterable[str]) -> None:
-        """Mark these records as changed (rev), so that an index notices."""
-        known = update(RECORD).where(RECORD.c.state != FORGOTTEN)
-        self._change(known.values(rev=self.rev), RECORD.c.id, ids)
+    def _write(self, table: Table, row: Mapping[str, Any]) -> None:
+        """Insert a row, or replace the one of the same keys."""
+        dialect = sqlite if self.sql.dialect.name == "sqlite" else postgresql
+        statement: Any = dialect.insert(table)
+        changed = {c.name: statement.excluded[c.name] for c in table.columns if not c.primary_key}
+        keys = list(table.primary_key)
+        self.sql.execute(statement.on_conflict_do_update(index_elements=keys, set_=changed), row)
 
     def _change(self, statement: Any, column: Any, values: Iterable[Any]) -> None:
         """Update or delete the bank's rows whose column has one of these values."""
         for some in batches(values):
             self.sql.execute(statement.where(column.table.c.bank == self.bank, column.in_(some)))
-
-
-def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:
-    """An INSERT that replaces the row of the same keys."""
-    dialect = sqlite if connection.dialect.name == "sqlite" else postgresql
-    statement: Any = dialect.insert(table)
-    changed = {c.name: statement.excluded[c.name] for c in table.columns if c.name not in keys}
-    return statement.on_conflict_do_update(index_elements=list(keys), set_=changed)
 
 
 def _difference(before: Record, after: Record) -> dict[str, list[Any]]:
@@ -285,16 +255,6 @@ def checked(record: Record, bank: str, version: int, rev: int) -> Record:
     if damage:
         raise MemoryStoreError(f"Record '{record.id}' cannot be stored in bank '{bank}': {damage}.")
     return Record(*values)
-
-
-def vector_row(vector: NDArray[np.floating[Any]], model: str, id: str, bank: str) -> dict[str, Any]:
-    """The row of a vector; raises :class:`MemoryStoreError` for one that cannot be stored."""
-    array = np.asarray(vector)
-    if not model or array.ndim != 1 or not array.size or not np.isfinite(array).all():
-        needed = "it needs a model's name and finite numbers in one row"
-        raise MemoryStoreError(f"The vector of record '{id}' cannot be stored: {needed}.")
-    stored = array.astype("<f4").tobytes()
-    return {"bank": bank, "id": id, "model": model, "dimension": array.size, "vector": stored}
 
 
 def _listed(text: object, name: str, wanted: Collection[str] = ()) -> list[str]:

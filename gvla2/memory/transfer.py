@@ -6,7 +6,7 @@ Lines of a file are untrusted: a broken one is reported, the others are admitted
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,22 +15,12 @@ from gvla2.errors import MemoryStoreError, OutputError
 from gvla2.io.files import write_whole
 from gvla2.memory.admission import invalid
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
-from gvla2.memory.learning import JudgedEpisode, admit
-from gvla2.memory.ledger import OpenBank
+from gvla2.memory.learning import JudgedEpisode, OpenBank, admit
 from gvla2.memory.records import OUTCOMES, TYPES, as_json, finite, load_object
 from gvla2.memory.store import Store
 
 _OBJECTS = ("verifier", "signature", "effect", "provenance")
 """Fields that are JSON objects."""
-
-
-@dataclass(frozen=True)
-class Exported:
-    """The file written, its lines (one per record), and how many records of other states were left out."""
-
-    file: Path
-    records: int
-    left_out: int
 
 
 @dataclass(frozen=True)
@@ -47,21 +37,20 @@ class Imported:
     broken: tuple[str, ...]
 
 
-def export_jsonl(store: Store, bank: str, path: Path, *, states: Sequence[str] | None = None) -> Exported:
-    """Write the records of a bank, those in ``states`` (all by default), to a new file.
+def export_jsonl(store: Store, bank: str, path: Path) -> int:
+    """Write all records of a bank to a new file; their number.
 
     Raises :class:`OutputError` when the path is taken or cannot be written; nothing is left there then.
     """
     with store.reading(bank) as view:
-        everything = view.records()
+        records = view.records()
     lines = []
-    for record in sorted(everything, key=lambda r: (r.created, r.id)):
-        if states is None or record.state in states:
-            line = as_json(record)
-            line |= {name: load_object(line[name]) if line[name] else None for name in _OBJECTS}
-            for own in ("bank", "version", "rev"):
-                del line[own]
-            lines.append(json.dumps(line, allow_nan=False) + "\n")
+    for record in sorted(records, key=lambda r: (r.created, r.id)):
+        line = as_json(record)
+        line |= {name: load_object(line[name]) if line[name] else None for name in _OBJECTS}
+        for own in ("bank", "version", "rev"):
+            del line[own]
+        lines.append(json.dumps(line, allow_nan=False) + "\n")
     try:
         if path.exists() or path.is_symlink():
             raise OutputError(
@@ -70,7 +59,7 @@ def export_jsonl(store: Store, bank: str, path: Path, *, states: Sequence[str] |
         write_whole(path, "".join(lines).encode())
     except (OSError, RuntimeError) as error:  # RuntimeError: a circular link
         raise OutputError(f"Cannot write {path}: {getattr(error, 'strerror', '') or error}.") from error
-    return Exported(path, len(lines), len(everything) - len(lines))
+    return len(lines)
 
 
 def import_jsonl(bank: OpenBank, path: Path, *, trusted: bool = False, source: str = "import") -> Imported:

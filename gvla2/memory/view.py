@@ -1,21 +1,38 @@
-"""Reading a bank: its valid rows at one instant."""
+"""Reading a bank at one instant: its valid rows, and whether they match its chain of events."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Sequence, Set
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy import Connection, Row, Select, func, select
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.events import BANK, EPISODE, EVENT, LINK, RECORD, VECTOR, Event, Link, StoredEpisode
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, load_object
+from gvla2.memory.tables import (
+    BANK,
+    EPISODE,
+    EVENT,
+    GENESIS,
+    HEADER,
+    LINK,
+    PAYLOAD,
+    RECORD,
+    VECTOR,
+    Link,
+    StoredEpisode,
+    digest_of,
+    event_damage,
+    payload_digest,
+    row_digest,
+)
 
 Wanted = Collection[str] | None
 """Names to select; None for all."""
@@ -24,23 +41,20 @@ _TOGETHER = 500
 """How many ids one query names, and how many rows of a stream are held at once."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordChange:
-    """The present state of a record that a transaction after ``since`` changed (or a link of it).
+class Embedded(NamedTuple):
+    """A record with its (D,) float32 ``vector`` made by ``model``, read-only; None if it is damaged or missing.
 
-    ``vector`` is (D,) float32 made by ``model``, read-only; None if damaged or missing (``model`` is then ""): the
-    index then embeds the record. ``conflicts`` is how many others contradict the record. A record of the state
-    :data:`FORGOTTEN` has an id, a version and a rev, and nothing else: drop it.
+    ``conflicts`` is how many others contradict the record.
     """
 
     record: Record
     vector: NDArray[np.float32] | None
     model: str
-    conflicts: int = 0
+    conflicts: int
 
 
 class BankView:
-    """A bank at one instant. Damaged rows are skipped; :func:`~gvla2.memory.audit.audit` reports them."""
+    """A bank at one instant. Damaged rows are skipped; :func:`audit` reports them."""
 
     def __init__(self, sql: Connection, bank: str) -> None:
         self.sql, self.bank = sql, bank
@@ -80,22 +94,20 @@ class BankView:
         query = query if states is None else query.where(RECORD.c.state.in_(states))
         return self._named(query, RECORD.c.id, ids)
 
-    def changes(self, since: int = 0) -> list[RecordChange]:
-        """Changes by transactions after ``since``, each record once, including forgotten ones."""
+    def embedded(self, states: Collection[str]) -> list[Embedded]:
+        """The records in these states with their vectors."""
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
-        query, found = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD), []
-        query = query.select_from(joined).where(RECORD.c.bank == self.bank, RECORD.c.rev > since)
-        for model, dimension, stored, *row in self.sql.execute(query):
-            record = valid_record(row, forgotten=True)
-            if record is not None:
-                found.append((record, vector_of(dimension, stored), model or ""))
-        against = self.conflicts({record.id for record, _, _ in found})
-        return [RecordChange(record, vector, model, against[record.id]) for record, vector, model in found]
+        query, against = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD), self.conflicts()
+        query = query.select_from(joined).where(RECORD.c.bank == self.bank, RECORD.c.state.in_(states))
+        return [
+            Embedded(record, vector_of(dimension, stored), model or "", against[record.id])
+            for model, dimension, stored, *row in self.sql.execute(query)
+            if (record := valid_record(row)) is not None
+        ]
 
-    def conflicts(self, ids: Set[str]) -> Counter[str]:
-        """How many others contradict each of these records, in either direction of a link."""
-        held = pairs_of(self.links(ids if len(ids) < 20 * _TOGETHER else None))["conflict"]
-        return Counter(id for pair in held for id in pair if id in ids)
+    def conflicts(self) -> Counter[str]:
+        """How many others contradict each record, in either direction of a link."""
+        return Counter(id for pair in pairs_of(self.links())["conflict"] for id in pair)
 
     def links(self, ids: Wanted = None) -> list[Link]:
         """The links of the bank, or those with one of these records at either end; by source, kind, target."""
@@ -104,16 +116,14 @@ class BankView:
         found = {tuple(row) for end in ends for row in self._named(query, end, ids)}
         return [Link(*row) for row in sorted(row for row in found if set(map(type, row[:3])) == {str})]
 
-    def events(self, since: int = 0) -> Iterator[Event]:
-        """The events with seq > ``since``, oldest first, a few at a time."""
-        query = self._of(EVENT).where(EVENT.c.seq > since).order_by(EVENT.c.seq)
-        return (Event(*tuple[Any, ...](row)) for row in self._named(query, EVENT.c.record, None))
+    def events(self) -> Iterator[Row[Any]]:
+        """The rows of the events, damaged or not, oldest first, a few at a time."""
+        return self._named(self._of(EVENT).order_by(EVENT.c.seq), EVENT.c.record, None)
 
-    def history(self, id: str) -> list[Event]:
+    def history(self, id: str) -> list[Row[Any]]:
         """The events about one record, oldest first."""
         query = self._of(EVENT).where(EVENT.c.record == id).order_by(EVENT.c.seq)
-        events = (Event(*tuple[Any, ...](row)) for row in self.sql.execute(query))
-        return [event for event in events if not event.damage]
+        return [event for event in self.sql.execute(query) if not event_damage(event)]
 
     def episodes(self, sources: Wanted = None) -> dict[str, StoredEpisode]:
         """The stored episodes by source, of these sources or all."""
@@ -167,11 +177,9 @@ def batches(values: Iterable[Any]) -> Iterator[list[Any]]:
     return (ordered[start : start + _TOGETHER] for start in range(0, len(ordered), _TOGETHER))
 
 
-def valid_record(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
-    """The record of a stored row; None for a damaged row, and for a tombstone unless ``forgotten``."""
-    if (row[_STATE] == FORGOTTEN and not forgotten) or damage_of(tuple(row)):
-        return None
-    return Record(*row)
+def valid_record(row: Sequence[Any]) -> Record | None:
+    """The record of a stored row; None for a damaged row and a tombstone."""
+    return None if row[_STATE] == FORGOTTEN or damage_of(tuple(row)) else Record(*row)
 
 
 def vector_of(length: object, stored: object) -> NDArray[np.float32] | None:
@@ -180,3 +188,120 @@ def vector_of(length: object, stored: object) -> NDArray[np.float32] | None:
         return None
     vector = np.frombuffer(stored, dtype="<f4")
     return vector if np.isfinite(vector).all() else None
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A problem of a bank: ``where`` (chain, event, record, link, episode), which ``id``."""
+
+    where: str
+    id: str
+    what: str
+
+    def __str__(self) -> str:
+        return f"{self.where} {self.id}: {self.what}." if self.id else f"{self.where}: {self.what}."
+
+
+@dataclass
+class _Expected:
+    """What the events say of the rows: digests of records by id, links, digests of episodes by source."""
+
+    records: dict[str, str] = field(default_factory=dict)
+    links: set[tuple[str, str, str]] = field(default_factory=set)
+    episodes: dict[str, str] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
+    """The source of an episode by its name in the events."""
+
+    def follow(self, event: Row[Any]) -> None:
+        """Take in the next event."""
+        verb, _, kind = event.action.partition(":")
+        if verb == "link":
+            self.links.add((event.record, kind, event.target))
+        elif verb == "forget":
+            self.links = {link for link in self.links if event.record not in (link[0], link[2])}
+            self.episodes.pop(self.sources.get(event.record, ""), None)
+        elif verb == "episode" and event.salt:
+            change = load_object(event.change)
+            source = self.sources[event.record] = str(change.get("source"))
+            self.episodes[source] = str(change.get("episode"))
+        if event.state:
+            self.records[event.record] = event.state
+
+
+def audit(view: BankView, head: str = "") -> list[Problem]:
+    """The problems of a bank: its chain, payloads, and rows against events; [] if there are none.
+
+    ``head`` is "SEQ:HASH" of an event from earlier statistics of the bank, kept elsewhere: with it, a truncated or
+    rewritten chain is found as well.
+    """
+    expected = _Expected()
+    problems = list(_chain(view, expected, head.strip()))
+    for row in view.rows():
+        digest = expected.records.pop(str(row.id), None)
+        if damage := damage_of(tuple(row)):
+            problems.append(Problem("record", str(row.id), f"damaged: {damage}"))
+        elif digest is None:
+            problems.append(Problem("record", row.id, "no event created it"))
+        elif row_digest(Record(*tuple[Any, ...](row))) != digest:
+            problems.append(Problem("record", row.id, "it differs from what its last event stored"))
+    links = {(link.source, link.kind, link.target) for link in view.links()}
+    for link in sorted(links ^ expected.links):
+        problems.append(Problem("link", " ".join(link), "it is not in both rows and events"))
+    for row in view.episode_rows():
+        digest = expected.episodes.pop(row.source, "")
+        try:
+            stored = digest_of(row.at, row.data)
+        except (TypeError, ValueError):  # damaged
+            stored = None
+        if digest != stored:
+            problems.append(Problem("episode", str(row.source), "it is not what was stored"))
+    missing = {"record": expected.records, "episode": expected.episodes}
+    for where, due in missing.items():
+        problems += [Problem(where, id, "the events have it, the rows do not") for id in sorted(due)]
+    return problems
+
+
+def _chain(view: BankView, expected: _Expected, kept: str) -> Iterator[Problem]:
+    """Walk the events: numbers, hashes, digests, times; and whether ``kept`` "SEQ:HASH" is one of them."""
+    prev, seq, rev, at = GENESIS, 0, 0, -math.inf
+    erased: list[Row[Any]] = []
+    forgotten: dict[str, int] = {}
+    heads = set[str]()
+    for event in view.events():
+        where = str(event.seq)
+        if damage := event_damage(event):
+            yield Problem("event", where, damage)
+            prev, seq = event.hash, seq + 1
+            continue
+        if event.seq != seq + 1:
+            yield Problem("chain", where, f"events {seq + 1} to {event.seq - 1} are missing")
+        elif event.prev != prev:
+            yield Problem("chain", where, "it does not follow the event before it")
+        header, payload = ([getattr(event, name) for name in names] for names in (HEADER, PAYLOAD))
+        if digest_of(event.prev, *header, event.digest) != event.hash:
+            yield Problem("event", where, "its header was changed: the hash differs")
+        if not event.salt:
+            erased.append(event)
+        elif payload_digest(event.salt, payload) != event.digest:
+            yield Problem("event", where, "its content was changed: the digest differs")
+        if event.at < at or event.rev < rev:
+            yield Problem("event", where, "it is older than the event before it")
+        if event.action == "forget":
+            forgotten[event.record] = event.seq
+        try:
+            expected.follow(event)
+        except (ValueError, RecursionError):
+            yield Problem("event", where, "its change is not valid JSON")
+        prev, seq, rev, at = event.hash, event.seq, event.rev, event.at
+        heads.add(f"{seq}:{prev}")
+    for event in erased:
+        if max(forgotten.get(event.record, 0), forgotten.get(event.target, 0)) <= event.seq:
+            yield Problem("event", str(event.seq), "it was erased, and nothing was forgotten afterwards")
+    head = view.head
+    if head is None and seq:
+        yield Problem("chain", "", "the bank's own row is missing")
+    elif head is not None and (head.rev, head.seq, head.hash) != (rev, seq, prev):
+        differs = f"event {head.seq}" if head.seq != seq else "a different hash or transaction number"
+        yield Problem("chain", "", f"it ends with event {seq}, the bank's own row says {differs}")
+    if kept and kept not in heads:
+        yield Problem("chain", "", f"it lacks the event {kept} kept elsewhere: it was truncated or rewritten")

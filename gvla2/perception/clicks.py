@@ -8,13 +8,13 @@ object that the mask shows, or one that geometry alone did not separate.
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageOps
 from scipy.ndimage import binary_dilation
 from scipy.spatial import cKDTree
 
@@ -46,30 +46,22 @@ class Prompt:
 class Segments:
     """Answers to K prompts, C masks each, from the part under a point to the whole.
 
-    ``logits`` (K, C, H, W) float32 at the picture's size, a pixel is inside where it is above 0; ``scores`` (K, C) is
-    the model's estimate of each mask's IoU, in [0, 1].
+    ``masks`` (K, C, H, W) bool at the picture's size; ``scores`` (K, C) is the model's estimate of each mask's IoU, in
+    [0, 1].
     """
 
-    logits: NDArray[np.float32]
+    masks: NDArray[np.bool_]
     scores: FloatArray
 
-    def masks(self) -> NDArray[np.bool_]:
-        """(K, C, H, W)."""
-        return np.asarray(self.logits > 0)
 
-
-class EncodedPicture(Protocol):
-    """An encoded picture."""
-
-    def segment(self, prompts: list[Prompt]) -> Segments:
-        """The masks for the prompts; K = 0 is allowed."""
-        ...
+Segment = Callable[[list[Prompt]], Segments]
+"""The masks of one encoded picture for one or more prompts."""
 
 
 class Segmenter(Protocol):
     """A model that segments what it is pointed at: SAM, SAM 2, MobileSAM."""
 
-    def encode(self, image: NDArray[np.uint8]) -> EncodedPicture:
+    def encode(self, image: NDArray[np.uint8]) -> Segment:
         """Encode one picture (H, W, 3) RGB."""
         ...
 
@@ -116,7 +108,7 @@ class Located:
 def locate(
     model: LanguageModel,
     image: NDArray[np.uint8],
-    encoded: EncodedPicture,
+    segment: Segment,
     proposals: Sequence[BoolArray],
     words: str,
     options: VisionOptions,
@@ -145,7 +137,7 @@ def locate(
         click = (answer[0] * image.shape[1], answer[1] * image.shape[0])
         why, fresh = "Your last click lies outside the picture.", None
         if 0 <= click[0] < image.shape[1] and 0 <= click[1] < image.shape[0]:
-            why, fresh = "Your last click gave no mask of an object.", _segmented(encoded, [*clicks, click])
+            why, fresh = "Your last click gave no mask of an object.", _segmented(segment, [*clicks, click])
         if fresh is None:
             refused += 1
             continue
@@ -177,15 +169,13 @@ def _asked(
     return ask_typed(model, messages, parse, purpose="localize", schema=SCHEMA, tries=2).answer
 
 
-def _segmented(
-    encoded: EncodedPicture, clicks: Sequence[tuple[float, float]]
-) -> tuple[BoolArray, float] | None:
+def _segmented(segment: Segment, clicks: Sequence[tuple[float, float]]) -> tuple[BoolArray, float] | None:
     """The best mask that holds most clicks, and its score; None if all are empty, unsure or the background."""
-    answer = encoded.segment([Prompt(np.array(clicks), np.ones(len(clicks), dtype=bool))])
+    answer = segment([Prompt(np.array(clicks), np.ones(len(clicks), dtype=bool))])
     columns, rows = np.array(clicks).astype(int).T
     found = [
         (score + float(mask[rows, columns].mean()), np.asarray(mask), float(score))
-        for mask, score in zip(answer.masks()[0], answer.scores[0], strict=True)
+        for mask, score in zip(answer.masks[0], answer.scores[0], strict=True)
         if mask.any() and mask.mean() < LARGEST and score >= GOOD
     ]
     return max(found, key=lambda each: each[0])[1:] if found else None
@@ -205,10 +195,7 @@ def overlay(
     for proposal in proposals:
         shown[binary_dilation(proposal) & ~proposal] = OUTLINE
     factor = longest / max(image.shape[:2])
-    drawn = Image.fromarray(np.rint(shown).astype(np.uint8))
-    drawn = drawn.resize(
-        (round(drawn.width * factor), round(drawn.height * factor)), Image.Resampling.BICUBIC
-    )
+    drawn = ImageOps.scale(Image.fromarray(np.rint(shown).astype(np.uint8)), factor)
     pen = ImageDraw.Draw(drawn)
     for u, v in clicks:
         pen.ellipse([u * factor - 4, v * factor - 4, u * factor + 4, v * factor + 4], fill=(0, 255, 0))

@@ -31,37 +31,31 @@ LEAST = 14
 """Pixels of all views together that make a cluster; fewer are flying pixels."""
 
 
-@dataclass(frozen=True)
-class Clusters:
-    """``maps``: one image (H, W) per view of indices 0 to ``count`` - 1, -1 where none is seen."""
-
-    maps: tuple[IntArray, ...]
-    count: int
-
-    def points(self, frames: Sequence[ViewFrame], index: int) -> FloatArray:
-        """(N, 3) all seen points of one cluster, world, metres."""
-        return np.concatenate([f.points[m == index] for f, m in zip(frames, self.maps, strict=True)])
-
-
-def clusters(frames: Sequence[ViewFrame], masks: Sequence[BoolArray], least: int = LEAST) -> Clusters:
-    """The connected components of the masked (H, W) pixels' points, largest first."""
+def clusters(frames: Sequence[ViewFrame], masks: Sequence[BoolArray], least: int = LEAST) -> list[IntArray]:
+    """The connected components of the masked (H, W) pixels' points, largest first: one image (H, W) per view of
+    indices, -1 where none is seen; a component of fewer than ``least`` pixels is none.
+    """
     masks = [without_specks(mask) for mask in masks]
-    points = np.concatenate([f.points[m] for f, m in zip(frames, masks, strict=True)])
-    if not len(points):
-        return Clusters(tuple(np.full(m.shape, -1) for m in masks), 0)
-    parts = components(points)
-    sizes = np.bincount(parts)
-    order = np.argsort(-sizes, kind="stable")
-    kept = order[sizes[order] >= least]
-    renamed = np.full(len(sizes), -1)
-    renamed[kept] = np.arange(len(kept))
-    labels, maps, start = renamed[parts], [], 0
-    for mask in masks:
-        image, count = np.full(mask.shape, -1), int(mask.sum())
-        image[mask] = labels[start : start + count]
-        maps.append(image)
-        start += count
-    return Clusters(tuple(maps), len(kept))
+    maps = [np.full(mask.shape, -1) for mask in masks]
+    points, _ = cloud_of(frames, masks)
+    if len(points):
+        parts = components(points)
+        sizes = np.bincount(parts)
+        order = np.argsort(-sizes, kind="stable")
+        kept = order[sizes[order] >= least]
+        renamed = np.full(len(sizes), -1)
+        renamed[kept] = np.arange(len(kept))
+        ends = np.cumsum([mask.sum() for mask in masks])
+        for image, mask, labels in zip(maps, masks, np.split(renamed[parts], ends[:-1]), strict=True):
+            image[mask] = labels
+    return maps
+
+
+def cloud_of(frames: Sequence[ViewFrame], masks: Sequence[BoolArray]) -> tuple[FloatArray, FloatArray]:
+    """The points (N, 3), world, metres, and the colours (N, 3) in [0, 1] of the pixels of masks (H, W), one a view."""
+    shown = list(zip(frames, masks, strict=True))
+    points = np.concatenate([frame.points[mask] for frame, mask in shown])
+    return points, np.concatenate([frame.view.image[mask] for frame, mask in shown]) / 255.0
 
 
 def components(points: FloatArray, reach: float = REACH) -> IntArray:
@@ -136,46 +130,39 @@ class Fused:
 
     @property
     def label(self) -> str:
-        """The label with the largest total score, "" if no member has one."""
-        votes: dict[str, float] = {}
-        for member in self.members:
-            if member.label:
-                votes[member.label] = votes.get(member.label, 0.0) + member.score
-        return max(votes, key=lambda word: votes[word]) if votes else ""
+        """The label with the largest total score, "" if the model gives none."""
+        labels = dict.fromkeys(m.label for m in self.members)
+        return max(labels, key=lambda word: sum(m.score for m in self.members if m.label == word))
 
 
 def fuse(frames: Sequence[ViewFrame], candidates: Sequence[MaskCandidate]) -> list[Fused]:
     """The objects that the candidates show, largest first; candidates without a point in 3D are left out."""
-    kept = _without_doubles(candidates)
-    clouds = [_points(frames[c.view], c.mask) for c in kept]
-    seen = [i for i, cloud in enumerate(clouds) if len(cloud)]
-    kept, clouds = [kept[i] for i in seen], [clouds[i] for i in seen]
+    placed = [(one, _points(frames[one.view], one.mask)) for one in _without_doubles(candidates)]
+    placed = [(one, cloud) for one, cloud in placed if len(cloud)]
+    if not placed:
+        return []
     pairs = [
         (i, j)
-        for i in range(len(kept))
-        for j in range(i)
-        if kept[i].view != kept[j].view and _one_object(frames, kept[i], kept[j], clouds[i], clouds[j])
+        for i, (one, cloud) in enumerate(placed)
+        for j, (other, beside) in enumerate(placed[:i])
+        if one.view != other.view and _one_object(frames, one, other, cloud, beside)
     ]
-    if not kept:
-        return []
-    groups = connected(len(kept), np.array(pairs, dtype=np.int64).reshape(-1, 2))
-    objects, spread = [], []
+    groups = connected(len(placed), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    found: list[tuple[tuple[MaskCandidate, ...], FloatArray]] = []
     for group in np.unique(groups):
-        own = np.nonzero(groups == group)[0]
-        best: dict[int, int] = {}
-        for i in sorted(own, key=lambda i: kept[i].score):
-            best[kept[i].view] = int(i)  # of two in one picture that others join, the surer one
-        objects.append(Fused(tuple(kept[i] for i in best.values())))
-        spread.append(np.concatenate([clouds[i] for i in best.values()]))
-    order = sorted(range(len(objects)), key=lambda k: -len(spread[k]))
-    objects, spread = [objects[k] for k in order], [spread[k] for k in order]
-    return [replace(obj, parent=_whole_of(k, spread)) for k, obj in enumerate(objects)]
+        own = sorted((placed[i] for i in np.nonzero(groups == group)[0]), key=lambda each: each[0].score)
+        best = {one.view: (one, cloud) for one, cloud in own}  # of two in one picture, the surer one
+        members, spread = zip(*best.values(), strict=True)
+        found.append((members, np.concatenate(spread)))
+    found.sort(key=lambda each: -len(each[1]))
+    clouds = [cloud for _, cloud in found]
+    return [Fused(members, _whole_of(k, clouds)) for k, (members, _) in enumerate(found)]
 
 
 def objects_of(
     masks: Sequence[Fused], frames: Sequence[ViewFrame], table: TablePlane, least: int
 ) -> tuple[list[SceneObject], list[str]]:
-    """Scene objects of fused masks, with ids ``thing0``, ...; and a sentence for each that is too small to place.
+    """Scene objects of fused masks, with ids ``object0``, ...; and a sentence for each that is too small to place.
 
     A pixel that two masks claim goes to the part, and between two wholes, to the surer one.
     """
@@ -184,22 +171,17 @@ def objects_of(
     for k in sorted(range(len(masks)), key=lambda k: (masks[k].parent >= 0, masks[k].score)):
         for member in masks[k].members:
             owners[member.view][member.mask] = k
+    with np.errstate(invalid="ignore"):
+        up = [f.known & (f.height > max(ABOVE, 1.5 * table.noise)) for f in frames]
     for k, obj in enumerate(masks):
-        points, colours = [], []
-        for frame, owner in zip(frames, owners, strict=True):
-            with np.errstate(invalid="ignore"):
-                own = (owner == k) & frame.known & (frame.height > max(ABOVE, 1.5 * table.noise))
-            points.append(frame.points[own])
-            colours.append(frame.view.image[own] / 255.0)
-        cloud, rgb = np.concatenate(points), np.concatenate(colours)
+        cloud, rgb = cloud_of(frames, [(own == k) & high for own, high in zip(owners, up, strict=True)])
         if len(cloud) >= least:
             parts = components(cloud)
             own_parts = (np.bincount(parts) >= STRAY * len(cloud))[parts]
             cloud, rgb = cloud[own_parts], rgb[own_parts]
         if len(cloud) < max(least, 3):
-            notes.append(
-                f"A mask of {sum(int(m.mask.sum()) for m in obj.members)} pixels has no depth to place it."
-            )
+            pixels = sum(int(m.mask.sum()) for m in obj.members)
+            notes.append(f"A mask of {pixels} pixels has no depth to place it.")
             continue
         x, y = cloud[:, :2].mean(axis=0)
         made = object_of(cloud, rgb, table.height_at(float(x), float(y)), obj.score, f"object{k}")

@@ -18,7 +18,6 @@ from gvla2.perception.articulated import MovingPart
 from gvla2.perception.fitting import (
     GAP,
     NEAR,
-    ODDS,
     Fit,
     SeenPoints,
     Sights,
@@ -122,7 +121,7 @@ def seen_grid(points: FloatArray, sights: Sights, table: float) -> SeenGrid | No
     height, row, column = np.indices(size)
     middles = low + CELL * (np.stack([row, column, height], axis=-1).reshape(-1, 3) + 0.5)
     free = np.zeros(len(middles), dtype=bool)
-    for camera, depths, _ in zip(*sights, strict=True):
+    for camera, depths, _ in sights:
         uv, depth = camera.project(middles)
         inside = camera.inside(uv)
         across, down = np.floor(uv[inside]).astype(int).T
@@ -245,7 +244,7 @@ def find_large(scan: KnownScan, grid: SeenGrid, sights: Sights, table: float) ->
     ]
     starts.sort(key=lambda each: each[0])
     places = [_laid(skin, points, sights, table, pose) for _, pose in starts[:LAID]]
-    likely = [each for each in places if each is not None and ODDS.of(each[1]) > HOPELESS]
+    likely = [each for each in places if each is not None and each[1].odds > HOPELESS]
     found = sorted(likely, key=lambda each: -each[0])[:THOROUGH]
     for number in range(len(found)):
         for _ in range(ROUNDS):
@@ -283,7 +282,7 @@ def _starts(
         local = (near - pose[:3, 3] - shifts[:, None]) @ turned
         gaps = np.minimum(scan.nearest.query(local)[0], NEARBY).mean(axis=1)
         found += [(float(gaps[k]), rigid(turned, pose[:3, 3] + shifts[k])) for k in np.argsort(gaps)[:BEST]]
-    seen = seen_surface(near, *sights, table - SUNK)
+    seen = seen_surface(near, sights, table - SUNK)
     tried = []
     for gap, start in sorted(found, key=lambda each: each[0])[:BEST]:
         placed, normals = transform_points(start, scan.points[some]), scan.normals[some] @ start[:3, :3].T
@@ -307,7 +306,7 @@ def _laid(
     near = points[scan.nearest.query(transform_points(invert_rigid(pose), points))[0] < NEARBY]
     if len(near) < FEW:
         return None
-    seen = seen_surface(near, *sights, table - SUNK)
+    seen = seen_surface(near, sights, table - SUNK)
     pose = upright(refined(scan, seen, pose, fine=FINE))
     if joints:
         scan = opened(scan, seen, pose)

@@ -18,7 +18,6 @@ from gvla2.geometry.views import Observation
 from gvla2.perception.articulated import with_parts
 from gvla2.perception.fitting import (
     NEAR,
-    ODDS,
     TALLER,
     Fit,
     SeenPoints,
@@ -105,7 +104,7 @@ class Gallery:
             if len(obj.points) < LEAST:
                 answers.append(Naming("", 0.0, why=f"Only {len(obj.points)} points of it are seen."))
                 continue
-            answers.append(self.name(seen_surface(obj.points, *sights, scene.table_height)))
+            answers.append(self.name(seen_surface(obj.points, sights, scene.table_height)))
         return answers
 
     def recognise(
@@ -117,7 +116,7 @@ class Gallery:
         """
         if len(points) < LEAST:
             return None
-        seen = seen_surface(points, *sights, table)
+        seen = seen_surface(points, sights, table)
         floats = float(np.percentile(points[:, 2], 2.0)) > table + FLOATS
         fits = self.fits([seen])
         naming = self._named(fits)
@@ -165,7 +164,7 @@ class Gallery:
         fits = [fit for scan in large if (fit := find_large(scan, grid, sights, table)) is not None]
         free = np.ones(len(points), dtype=bool)
         for fit in sorted(fits, key=_likelihood, reverse=True):
-            odds = ODDS.of(fit)
+            odds = fit.odds
             own = on_scan(fit, points)
             if odds <= 0.0 or own.sum() < LEAST_SHOWN or (own & free).sum() < MOSTLY * own.sum():
                 continue
@@ -182,7 +181,7 @@ class Gallery:
         if not fits:
             return Naming("", 1.0, why="No scan in the gallery has its size and colours.")
         best = fits[0]
-        first, *rest = np.exp(np.clip([ODDS.of(fit) for fit in fits], -30.0, 30.0)).tolist()
+        first, *rest = np.exp(np.clip([fit.odds for fit in fits], -30.0, 30.0)).tolist()
         sure = first / (1.0 + first + sum(rest))
         if sure < 0.5:
             why = f"Nearest: {best.scan.name}, {1e3 * best.residual:.0f} mm off."
@@ -244,13 +243,13 @@ def _slabs(seen: SeenPoints, sights: Sights) -> list[SeenPoints]:
     for height in np.arange(least, most, LAYER):
         slab = seen.points[seen.points[:, 2] > top - height]
         if len(slab) >= LEAST:
-            found.append(seen_surface(slab, *sights, top - height))
+            found.append(seen_surface(slab, sights, top - height))
     return found
 
 
 def _likelihood(fit: Fit) -> float:
     """Log-odds of a fit among others that may have been laid onto more or fewer of the same points."""
-    return ODDS.of(fit) + MORE * float(np.log(max(fit.support, 1.0)))
+    return fit.odds + MORE * float(np.log(max(fit.support, 1.0)))
 
 
 def known_shape(fit: Fit) -> KnownShape:

@@ -23,10 +23,7 @@ from gvla2.planning.scene import Box
 
 BELOW = 0.15  # metres below the workspace within which the table is searched for
 HYPOTHESES, SAMPLE, SEED = 128, 3000, 0
-LEAST_POINTS, LEAST_SHARE = (
-    200,
-    0.1,
-)  # points in the workspace, and share of them on one level plane, for a table
+LEAST_POINTS, LEAST_SHARE = 200, 0.1  # points in the workspace, and share of them on one plane, for a table
 NO_ROOM = 50.0  # metres from the workspace where nothing is measured: depth in millimetres lies there
 MOST_TILT = np.deg2rad(15.0)
 SLICED = 2.0  # a steep plane with this multiple of the widest level plane's points is the table itself
@@ -38,7 +35,8 @@ BAND, TALL = 0.02, 0.4  # metres about the table within which it is looked for; 
 BESIDE = 0.05  # metres about the workspace
 OFF_TABLE = 0.012  # metres above the table from which a point belongs to an object
 TABLE_SPREAD, PAIR_SPREAD = 0.004, 0.003  # metres
-MOST_PLANE, MOST_TABLE, MOST_THINGS, MOST_CLOUD = 5000, 300, 700, 12_000  # points of one camera
+MOST_TABLE, MOST_OBJECTS, MOST_CLOUD = 300, 700, 12_000  # points of one camera
+UP = np.array([0.0, 0.0, 1.0])
 REACHES = (0.02, 0.015, 0.01, 0.008, 0.006)  # metres between points that may be one, round by round
 
 
@@ -113,7 +111,7 @@ def find_table(clouds: Sequence[FloatArray], workspace: Box) -> TablePlane:
     tilted, corners = normals[steep] / length[steep, None], triples[steep, 0]
     normals = normals[level] / length[level, None] * np.sign(normals[level, 2:])
     anchors = np.concatenate([triples[level, 0], sample[:64]])
-    normals = np.concatenate([normals, np.tile([0.0, 0.0, 1.0], (64, 1))])
+    normals = np.concatenate([normals, np.tile(UP, (64, 1))])
     offsets = np.einsum("ij,ij->i", normals, anchors)
     held = _held(sample, normals, offsets)
     best = int(np.argmax(held))
@@ -155,6 +153,7 @@ def _check_tilt(normals: FloatArray, held: NDArray[np.int64], level: int) -> Non
 
 
 def _settled(points: FloatArray, normal: FloatArray, offset: float) -> tuple[FloatArray, float]:
+    """The plane ``normal`` . x = ``offset``, laid through those of points (N, 3) that are ever nearer to it."""
     some = points[:: max(1, len(points) // 30_000)]
     for width in (FLAT, 0.7 * FLAT, 0.5 * FLAT):
         near = some[np.abs(some @ normal - offset) < width]
@@ -237,8 +236,8 @@ def _table(points: FloatArray, half: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore"):
         table = points[_inside(points, half) & (np.abs(points[..., 2]) < BAND)]
     if len(table) > 100:
-        normal, at = _plane(table[:: max(1, len(table) // MOST_PLANE)])
-        table = table[np.abs((table - at) @ normal) < 0.3 * BAND]
+        normal, offset = _settled(table, UP, float(np.median(table[:, 2])))
+        table = table[np.abs(table @ normal - offset) < 0.3 * BAND]
     return table[:: max(1, len(table) // MOST_TABLE)]
 
 
@@ -255,30 +254,14 @@ def _sight(origin: FloatArray, points: FloatArray, half: FloatArray, table: Floa
     objects, normals = objects[known], normals[known]
     few = slice(None, None, max(1, len(objects) // MOST_CLOUD))
     objects, normals = objects[few], normals[few]
-    step = max(1, len(objects) // MOST_THINGS)
+    step = max(1, len(objects) // MOST_OBJECTS)
     return _Sight(origin, table, objects, normals, step)
-
-
-def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Upward unit normal (3,) and a point (3,) of the plane through most of points (N, 3)."""
-    normal, middle = _least(points)
-    for _ in range(3):
-        off = np.abs(points @ normal - middle @ normal)
-        normal, middle = _least(points[off <= max(0.002, 1.5 * float(np.median(off)))])
-    return normal * np.sign(normal[2] or 1.0), middle
-
-
-def _least(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit normal (3,) and a point (3,) of the plane nearest to points (N, 3)."""
-    middle = points.mean(axis=0)
-    spread = points - middle
-    return np.linalg.eigh(spread.T @ spread)[1][:, 0], middle
 
 
 def _slope(points: FloatArray) -> float:
     if len(points) < 50:
         return 0.0
-    normal, _ = _plane(points)
+    normal, _ = _settled(points, UP, float(np.median(points[:, 2])))
     return float(np.hypot(normal[0], normal[1]))
 
 
@@ -306,13 +289,12 @@ def _step(sights: Sequence[_Sight], total: FloatArray, reach: float) -> FloatArr
         own = np.arange(7 * c, 7 * c + 7)
         A[own, own] += 1.0 / PRIOR**2
         b[own] -= total[c] / PRIOR**2
-    up = np.array([[0.0, 0.0, 1.0]])
     for c, sight in enumerate(sights):
         if len(sight.table) < 50:
             continue
         p = sight.table
         J = np.zeros((len(p), size))
-        J[:, 7 * c : 7 * c + 7] = _change(sight, p, np.broadcast_to(up, p.shape))
+        J[:, 7 * c : 7 * c + 7] = _change(sight, p, np.broadcast_to(UP, p.shape))
         J[:, -3:] = -np.column_stack([np.ones(len(p)), p[:, 0], p[:, 1]])
         r = p[:, 2]
         w = np.minimum(1.0, 0.005 / np.maximum(np.abs(r - np.median(r)), 1e-9)) / TABLE_SPREAD**2

@@ -5,27 +5,17 @@ from __future__ import annotations
 import ctypes
 import math
 import threading
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from typing import Any, TypeVar, get_args
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import is_dataclass, replace
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from gvla2.errors import ConformanceError, Gvla2Error, PerceptionError, PlannerTimeoutError, PlanningError
+from gvla2.errors import ConformanceError, PerceptionError, PlannerTimeoutError, PlanningError
 from gvla2.geometry.exchange import read_only, require, require_array, require_rigid, require_type
 from gvla2.geometry.views import Observation
-from gvla2.planning.calls import SkillCall
-from gvla2.planning.contracts import (
-    Abstention,
-    AbstentionKind,
-    Candidate,
-    Perceiver,
-    Plan,
-    Planner,
-    PlanRequest,
-)
-from gvla2.planning.effects import SIDES
-from gvla2.planning.programs import Program
+from gvla2.planning.contracts import Perceiver, Plan, Planner, PlanRequest
 from gvla2.planning.scene import Box, Scene, SceneObject
-from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
+from gvla2.planning.trajectory import MAX_WAYPOINTS, Trajectory
 
 ABSURD = 10 * MAX_WAYPOINTS
 """Longer trajectories are not checked waypoint by waypoint; up to here the checks report what is too many."""
@@ -75,12 +65,7 @@ def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0)
     Raises :class:`PlannerTimeoutError` when ``name`` does not answer within ``seconds`` (0 waits for ever), and
     :class:`PlanningError` for an answer that is not a plan. The checks decide whether the plan is good.
     """
-    try:
-        plan = within(seconds, lambda: planner.plan(request))
-    except DeadlineError:
-        raise PlannerTimeoutError(
-            f"The planner '{name}' gave no answer within {seconds:g} s; planner_timeout=SECONDS waits longer."
-        ) from None
+    plan = _within(seconds, lambda: planner.plan(request), name)
     if problem := fault_of_plan(plan):
         raise PlanningError(f"The planner '{name}' returned {problem}.")
     return plan
@@ -90,44 +75,55 @@ def fault_of_plan(plan: object) -> str:
     """What is wrong with an answer, worded to follow "returned"; "" if nothing."""
     if not isinstance(plan, Plan):
         return f"{type(plan).__name__}, not a Plan"
-    if problem := _misfit(plan, _PLAN):
-        return f"a plan with {problem}"
-    trajectory: object = plan.trajectory
-    if plan.abstention is not None:
-        kinds = get_args(AbstentionKind)
-        known = plan.abstention.kind in kinds
-        kind = f"{plan.abstention.kind!r:.40}; kinds are {', '.join(kinds)}"
-        return "" if known else f"an abstention of kind {kind}"
-    if trajectory is None:
+    if plan.trajectory is None and plan.abstention is None:
         return "neither a trajectory nor an abstention with its reason"
-    if not isinstance(trajectory, Trajectory):
-        return f"a trajectory that is {type(trajectory).__name__}, not Trajectory(waypoints)"
-    if not _tuple_of(Waypoint)(trajectory.waypoints):
-        return "a trajectory that is not a tuple of waypoints"
-    if not trajectory.waypoints:
-        return "a trajectory without waypoints; give the reason in an abstention"
-    if len(trajectory) > ABSURD:
-        return f"a trajectory of {len(trajectory)} waypoints; at most {MAX_WAYPOINTS} can be executed"
-    for index, waypoint in enumerate(trajectory):
-        if problem := _misfit(waypoint, _WAYPOINT):
-            return f"waypoint {index} ('{waypoint.stage!s:.40}') with {problem}"
-    return ""
+    count = len(plan.trajectory.waypoints) if isinstance(plan.trajectory, Trajectory) else 1
+    if not 0 < count <= ABSURD:
+        return f"a trajectory of {count} waypoints; give 1 to {MAX_WAYPOINTS}, or the reason in an abstention"
+    problem = _misfit(plan, Plan, "")
+    return f"a plan with {problem}" if problem else ""
 
 
-Fits = Callable[[Any], bool]
+def _misfit(value: Any, kind: Any, name: str) -> str:
+    """Why a value is not of an annotated type, "NAME VALUE, which is not KIND"; "" if it is.
+
+    Numbers must be finite; a list passes for a tuple.
+    """
+    origin, args = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        faults = [_misfit(value, one, name) for one in args]
+        deeper = (fault for fault in faults if not fault.startswith(f"{name} "))
+        return "" if "" in faults else next(deeper, faults[0])
+    if kind is Any:
+        return ""
+    if kind in (float, int):
+        fits = _finite(value)
+    elif origin is Literal:
+        fits = isinstance(value, str) and value in args
+    elif origin is tuple:
+        fits = isinstance(value, tuple | list) and (args[-1] is ... or len(value) == len(args))
+    else:
+        fits = isinstance(value, origin or kind)
+    if not fits:
+        wanted = "a finite number" if kind in (float, int) else kind if args else kind.__name__
+        return f"{name} {value!r:.100}, which is not {wanted}"
+    return next(filter(None, (_misfit(*each) for each in _contents(value, kind, name))), "")
 
 
-def _misfit(answer: object, table: Mapping[str, tuple[Fits, str]]) -> str:
-    """The first field that fails its test, and what it should be; "" if there is none."""
-    for name, (fits, wanted) in table.items():
-        value = getattr(answer, name)
-        if not fits(value):
-            return f"{name} {value!r:.100}, which is not {wanted}"
-    return ""
-
-
-def _text(value: object) -> bool:
-    return isinstance(value, str)
+def _contents(value: Any, kind: Any, name: str) -> Iterator[tuple[Any, Any, str]]:
+    """What a value of a type contains: values, their types and names."""
+    args = get_args(kind)
+    if is_dataclass(kind):
+        for field, hint in get_type_hints(kind).items():
+            yield getattr(value, field), hint, f"{name}.{field}".lstrip(".")
+    elif isinstance(value, Mapping) and args:
+        for key, item in value.items():
+            yield key, args[0], f"a key of {name}"
+            yield item, args[1], f"{name}[{key!r:.40}]"
+    elif isinstance(value, tuple | list | frozenset) and args:
+        kinds = args if args[-1] is not ... and len(args) == len(value) else args[:1] * len(value)
+        for number, (item, own) in enumerate(zip(value, kinds, strict=True)):
+            yield item, own, f"{name}[{number}]"
 
 
 def _finite(value: object) -> bool:
@@ -137,70 +133,8 @@ def _finite(value: object) -> bool:
     return math.isfinite(float(value))
 
 
-def _three(value: object) -> bool:
-    """Whether it is a triple of numbers, not an array: waypoints are compared, which arrays do not support."""
-    return isinstance(value, tuple | list) and len(value) == 3 and all(map(_finite, value))
-
-
-def _mapping(values: Fits) -> Fits:
-    return lambda given: (
-        isinstance(given, Mapping) and all(map(_text, given)) and all(map(values, given.values()))
-    )
-
-
-def _tuple_of(kind: type) -> Fits:
-    return lambda values: isinstance(values, tuple) and all(isinstance(value, kind) for value in values)
-
-
-def _scale(value: object) -> bool:
-    """Whether it is a :data:`~gvla2.planning.effects.Scale`."""
-    if not isinstance(value, tuple) or len(value) != 2 or value[0] not in SIDES:
-        return False
-    return _finite(value[1]) and value[1] > 0.0
-
-
-def _oriented(value: object) -> bool:
-    return isinstance(value, Orientation) and _three(value.vector) and _three(value.closing)
-
-
-def _guard(value: object) -> bool:
-    return value is None or (isinstance(value, Guard) and _finite(value.force) and _finite(value.stall))
-
-
-_PLAN: Mapping[str, tuple[Fits, str]] = {
-    "skill": (_text, "text"),
-    "notes": (_tuple_of(str), "a tuple of texts"),
-    "roles": (_mapping(_text), "a mapping from text to text"),
-    "parameters": (_mapping(_finite), "a mapping from names to finite numbers"),
-    "scales": (_mapping(_scale), "a mapping from names to a side and its length"),
-    "candidates": (_tuple_of(Candidate), "a tuple of Candidate"),
-    "calls": (_tuple_of(SkillCall), "a tuple of SkillCall"),
-    "remaining": (_tuple_of(SkillCall), "a tuple of SkillCall"),
-    "program": (lambda value: isinstance(value, Program | None), "a Program or None"),
-    "transcript": (_tuple_of(Mapping), "a tuple of mappings"),
-    "abstention": (lambda value: isinstance(value, Abstention | None), "an Abstention or None"),
-}
-"""What the fields of a plan must be, and how to say it; the trajectory comes after."""
-
-_WAYPOINT: Mapping[str, tuple[Fits, str]] = {
-    **dict.fromkeys(("stage", "motion", "carries"), (_text, "text")),
-    **dict.fromkeys(("gripper", "speed", "tolerance", "dwell"), (_finite, "a finite number")),
-    "xyz": (_three, "a tuple of three finite numbers"),
-    "allowed_contacts": (
-        lambda ids: isinstance(ids, frozenset) and all(map(_text, ids)),
-        "a frozenset of ids",
-    ),
-    "orientation": (_oriented, "an Orientation of finite numbers"),
-    "guard": (_guard, "a Guard of finite numbers or None"),
-}
-
-
-class DeadlineError(Gvla2Error):
-    """The time limit was reached before an answer."""
-
-
-def within(seconds: float, function: Callable[[], T]) -> T:
-    """The result of ``function``; raises :class:`DeadlineError` when it takes longer. 0 waits for ever.
+def _within(seconds: float, function: Callable[[], T], name: str) -> T:
+    """The result of ``function``; raises :class:`PlannerTimeoutError` when it takes longer. 0 waits for ever.
 
     With a limit, the function runs in a thread of its own; when the limit is reached, that thread is abandoned, and
     interrupted as soon as it executes Python code.
@@ -221,9 +155,10 @@ def within(seconds: float, function: Callable[[], T]) -> T:
     thread.join(seconds)
     if failed:
         raise failed[0]
-    if not answer:
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(
-            ctypes.c_ulong(thread.ident or 0), ctypes.py_object(SystemExit)
-        )
-        raise DeadlineError(f"There was no answer within {seconds:g} s.")
-    return answer[0]
+    if answer:
+        return answer[0]
+    ident, exit_ = ctypes.c_ulong(thread.ident or 0), ctypes.py_object(SystemExit)
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ident, exit_)
+    raise PlannerTimeoutError(
+        f"The planner '{name}' gave no answer within {seconds:g} s; planner_timeout=SECONDS waits longer."
+    )

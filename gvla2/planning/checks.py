@@ -14,7 +14,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.arm import Arm, Hand
 from gvla2.planning.checks_motion import check_clearance, check_kinematics, resolve_motion
-from gvla2.planning.effects import Bound, Effect, Order
+from gvla2.planning.effects import Bound, Effect
 from gvla2.planning.findings import (
     EPS,
     MAX_FREE,
@@ -69,14 +69,9 @@ def check_schema(trajectory: Trajectory, scene: Scene) -> list[Finding]:
     """Count, well-formed waypoints, ids that exist."""
     found = Findings("schema", trajectory)
     n = len(trajectory)
-    if n < MIN_WAYPOINTS:
-        found.fail(
-            -1, "too_few_waypoints", f"{n} waypoint(s); give at least {MIN_WAYPOINTS}.", n, MIN_WAYPOINTS
-        )
-    if n > MAX_WAYPOINTS:
-        found.fail(
-            -1, "too_many_waypoints", f"{n} waypoints; give at most {MAX_WAYPOINTS}.", n, MAX_WAYPOINTS
-        )
+    what = "the number of waypoints"
+    found.least(-1, "too_few_waypoints", what, n, MIN_WAYPOINTS, "add one")
+    found.most(-1, "too_many_waypoints", what, n, MAX_WAYPOINTS, "leave some out")
     known = {o.id for o in scene.objects}
     for i, w in enumerate(trajectory):
         if not w.stage:
@@ -131,38 +126,24 @@ def check_memory(
     skill: str,
     lengths: Mapping[str, float],
 ) -> list[Finding]:
-    """The demands of remembered failures: bounds hold for the plan's parameters, its stages come in order.
+    """The bounds that remembered failures taught hold for the plan's parameters.
 
     A bound in shares of a side applies if ``lengths`` (metres, by side) give that side of the handled object.
     """
-    found, held, orders = Findings("memory", trajectory), 0, 0
-    stages = [w.stage for w in trajectory]
-    for effect in effects:
-        if effect.skill not in ("", skill):
+    found, held = Findings("memory", trajectory), 0
+    for bound in effects:
+        own = bound.absolute(lengths) if isinstance(bound, Bound) and bound.skill in ("", skill) else None
+        if own is None or own.parameter not in parameters:
             continue
-        origin = f" (from {effect.source})" if effect.source else ""
-        match effect:
-            case Order():
-                orders += 1
-                if effect.broken_by(stages):
-                    earlier, later = effect.stages
-                    message = (
-                        f"The stage '{later}' comes before '{earlier}', the other way round than remembered{origin}; "
-                        f"put '{earlier}' first."
-                    )
-                    found.fail(-1, "order_broken", message)
-            case Bound(parameter=name) if name in parameters and (bound := effect.absolute(lengths)):
-                held += 1
-                value = parameters[name]
-                if abs(bound.clamped(value) - value) > EPS:
-                    share = f", {effect.value:.4g} of the object's {effect.scale}" if effect.scale else ""
-                    message = (
-                        f"{name} = {value:.4g} breaks the remembered bound {effect.op} "
-                        f"{bound.value:.4g}{share}{origin}; change it."
-                    )
-                    found.fail(-1, "bound_broken", message, value, bound.value)
-    rest = f" and {orders} order(s) of stages" if orders else ""
-    return found.or_passed(f"{held} remembered bound(s){rest} hold.")
+        held += 1
+        name, value = own.parameter, parameters[own.parameter]
+        if abs(own.clamped(value) - value) > EPS:
+            share = f", {bound.value:.4g} of the object's {bound.scale}" if bound.scale else ""
+            origin = f" (from {bound.source})" if bound.source else ""
+            limit = f"{own.op} {own.value:.4g}{share}{origin}"
+            message = f"{name} = {value:.4g} breaks the remembered bound {limit}; change it."
+            found.fail(-1, "bound_broken", message, value, own.value)
+    return found.or_passed(f"{held} remembered bound(s) hold.")
 
 
 GRASP_REACH = 0.015
@@ -182,106 +163,74 @@ def check_gripper(trajectory: Trajectory, scene: Scene, hand: Hand, start_pose: 
     a release. A closed hand may be a tool: it presses, pushes or hooks what it is allowed to touch. If a waypoint is
     malformed (see the schema check), the space between the fingers is not checked.
     """
+    found, waypoints = Findings("gripper", trajectory), trajectory.waypoints
+    objects = {obj.id: obj for obj in scene.objects}
     finite = all(np.isfinite(w.xyz).all() for w in trajectory)
     poses = trajectory.poses_if_valid(start_pose) if finite else None
-    reading = _Reading(trajectory, scene.objects, hand, poses)
-    for index in range(len(trajectory)):
-        reading.arrive(index)
-    reading.emptied(len(trajectory) - 1)
-    return reading.found.or_passed("Closes, carries and releases in order.")
-
-
-class _Reading:
-    """The hand while the trajectory is read.
-
-    ``closed`` is the waypoint where it last closed and ``before`` its opening until then; ``objects`` are at their
-    present places; ``grip`` is the carried one's pose in the hand.
-    """
-
-    def __init__(
-        self,
-        trajectory: Trajectory,
-        objects: Iterable[SceneObject],
-        hand: Hand,
-        poses: Sequence[FloatArray] | None,
-    ) -> None:
-        self.waypoints, self.hand, self.poses = trajectory.waypoints, hand, poses
-        self.objects = {obj.id: obj for obj in objects}
-        self.found = Findings("gripper", trajectory)
-        self.opening, self.before = 1.0, 1.0
-        self.carried = ""
-        self.closed: int | None = None
-        self.grasped = False
-        self.grip: FloatArray | None = None
-
-    def arrive(self, i: int) -> None:
-        """The move to waypoint ``i``, and its opening or closing."""
-        w = self.waypoints[i]
+    opening = before = 1.0  # now, and where the hand last closed
+    carried, closed, grasped = "", -1, False  # closed: the waypoint where the hand last closed
+    grip = np.eye(4)  # the pose of the carried object in the hand
+    for i, w in enumerate(trajectory):
         if not 0.0 <= w.gripper <= 1.0 and np.isfinite(w.gripper):
-            self.found.fail(i, "opening_range", f"opening {w.gripper:g} is outside [0, 1].", w.gripper, 1.0)
-        self._carry(i, w)
-        if w.gripper < self.opening - EPS:
-            self.before = self.opening
-            self.closed, self.grasped = i, False
-        elif w.gripper > self.opening + EPS:
-            following = self.waypoints[i + 1 : i + 2]
-            if self.carried and following and following[0].carries == self.carried:
-                message = f"the hand opens to {w.gripper:g} while it still carries '{self.carried}'; keep it closed."
-                self.found.fail(i, "opens_while_carrying", message, w.gripper, self.opening)
-            self.emptied(i)
-        self.opening = w.gripper
-
-    def _carry(self, i: int, w: Waypoint) -> None:
-        """The held object according to the move to a waypoint."""
-        if w.carries and w.carries != self.carried:
-            if self.carried:
-                message = f"it carries '{w.carries}' while '{self.carried}' was not released; open first."
-                self.found.fail(i, "not_released", message)
-            elif self.closed is None:
-                message = (
-                    f"it carries '{w.carries}', on which the hand has not closed; close at the object first."
-                )
-                self.found.fail(i, "carries_without_grasp", message, self.opening, 1.0)
-            elif w.carries in self.objects and self.poses is not None:
-                obj, pose = self.objects[w.carries], self.poses[self.closed]
-                gap = _gap(obj, pose, self.before, self.hand)
+            found.fail(i, "opening_range", f"opening {w.gripper:g} is outside [0, 1].", w.gripper, 1.0)
+        if w.carries and w.carries != carried:
+            grasped = True
+            if carried:
+                message = f"it carries '{w.carries}' while '{carried}' was not released; open first."
+                found.fail(i, "not_released", message)
+            elif closed < 0:
+                message = f"it carries '{w.carries}', on which the hand has not closed; close at it first."
+                found.fail(i, "carries_without_grasp", message, opening, 1.0)
+            elif w.carries in objects and poses is not None:
+                gap = _gap(objects[w.carries], poses[closed], before, hand)
                 what = f"the gap between the closing hand and '{w.carries}' (m)"
-                self.found.most(self.closed, "grasp_misses", what, gap, GRASP_REACH, "close on the object")
-                self.grip = invert_rigid(pose) @ obj.world_from_object
-            self.grasped = True
-        elif self.carried and not w.carries and self.closed is not None:
-            message = (
-                f"it no longer carries '{self.carried}', but the hand did not open; open it or carry on."
-            )
-            self.found.fail(i, "dropped_silently", message)
-        self.carried = w.carries
+                found.most(closed, "grasp_misses", what, gap, GRASP_REACH, "close on the object")
+                grip = invert_rigid(poses[closed]) @ objects[w.carries].world_from_object
+        elif carried and not w.carries and closed >= 0:
+            message = f"it no longer carries '{carried}', but the hand did not open; open it or carry on."
+            found.fail(i, "dropped_silently", message)
+        carried = w.carries
+        opens = w.gripper > opening + EPS
+        if w.gripper < opening - EPS:
+            before, closed, grasped = opening, i, False
+        elif opens and carried and any(after.carries == carried for after in waypoints[i + 1 : i + 2]):
+            message = f"the hand opens to {w.gripper:g} while it still carries '{carried}'; keep it closed."
+            found.fail(i, "opens_while_carrying", message, w.gripper, opening)
+        opening = w.gripper
+        if opens or i == len(waypoints) - 1:
+            if poses is not None and carried in objects:
+                objects[carried] = replace(objects[carried], world_from_object=poses[i] @ grip)
+            elif poses is not None and closed >= 0 and not grasped:
+                after = waypoints[closed + 1 : i + 1]
+                _closed_on(closed, after, objects, poses[closed], before, hand, found)
+            carried, closed, grasped = "", -1, False
+    return found.or_passed("Closes, carries and releases in order.")
 
-    def emptied(self, i: int) -> None:
-        """The hand opens at waypoint ``i``, or the trajectory ends there: did it hold anything since it closed?"""
-        if self.poses is not None and self.carried in self.objects and self.grip is not None:
-            held = self.objects[self.carried]
-            self.objects[held.id] = replace(held, world_from_object=self.poses[i] @ self.grip)
-        elif self.poses is not None and self.closed is not None and not self.grasped:
-            self._closed_on(self.closed, self.poses[self.closed], self.waypoints[self.closed + 1 : i + 1])
-        self.carried, self.closed, self.grip, self.grasped = "", None, None, False
 
-    def _closed_on(self, index: int, pose: FloatArray, after: Sequence[Waypoint]) -> None:
-        """A hand that closed at waypoint ``index`` and leaves needs something between its fingers, or is a tool."""
-        closed = self.waypoints[index]
-        away = any(np.linalg.norm(np.subtract(w.xyz, closed.xyz)) > STEP for w in after)
-        if closed.gripper >= SHUT or not away:
-            return
-        solid = [o for o in self.objects.values() if o.shape != "region"]
-        gaps = {o.id: _gap(o, pose, self.before, self.hand) for o in solid}
-        nearest = min(gaps, key=lambda name: gaps[name], default="")
-        gap = gaps.get(nearest)
-        if (gap is None or gap > GRASP_REACH) and not _is_tool(closed, after, self.objects):
-            near = "" if gap is None else f" (the nearest, '{nearest}', is {1000 * gap:.0f} mm off)"
-            message = (
-                f"the hand closes where nothing is between its fingers{near}, and leaves; close on an object, or "
-                "name what the closed hand touches in allowed_contacts."
-            )
-            self.found.fail(index, "closes_on_nothing", message, gap, GRASP_REACH)
+def _closed_on(
+    index: int,
+    after: Sequence[Waypoint],
+    objects: Mapping[str, SceneObject],
+    pose: FloatArray,
+    opening: float,
+    hand: Hand,
+    found: Findings,
+) -> None:
+    """A hand that closed at waypoint ``index`` and leaves needs something between its fingers, or is a tool."""
+    closed = found.trajectory.waypoints[index]
+    away = any(np.linalg.norm(np.subtract(w.xyz, closed.xyz)) > STEP for w in after)
+    if closed.gripper >= SHUT or not away:
+        return
+    gaps = {o.id: _gap(o, pose, opening, hand) for o in objects.values() if o.shape != "region"}
+    nearest = min(gaps, key=lambda name: gaps[name], default="")
+    gap = gaps.get(nearest, np.inf)
+    if gap > GRASP_REACH and not _is_tool(closed, after, objects):
+        near = f" (the nearest, '{nearest}', is {1000 * gap:.0f} mm off)" if nearest else ""
+        message = (
+            f"the hand closes where nothing is between its fingers{near}, and leaves; close on an object, or "
+            "name what the closed hand touches in allowed_contacts."
+        )
+        found.fail(index, "closes_on_nothing", message, gap, GRASP_REACH)
 
 
 def _is_tool(closed: Waypoint, after: Sequence[Waypoint], objects: Mapping[str, SceneObject]) -> bool:

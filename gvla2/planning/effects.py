@@ -1,6 +1,6 @@
 """Typed effects: how a remembered lesson changes a planner's parameters theta, and the limits that checks enforce.
 
-An effect is one of :class:`Bound`, :class:`Prior`, :class:`Ban` and :class:`Order`; memory stores them as JSON
+An effect is one of :class:`Bound`, :class:`Prior` and :class:`Ban`; memory stores them as JSON
 (:func:`effect_from_json`). Values that scale with the object (how deep to grasp it) are
 remembered as shares of one of its sides, so that a lesson from a cube of 5 cm applies to one of 7 cm; those of the
 hand and the room stay in SI units. Objects that look alike are assumed to behave alike, until proven otherwise: how
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
 from gvla2.errors import PlanningError
@@ -22,8 +22,6 @@ SIDES = ("length", "width", "height")
 """Sides of the handled object that values may be shares of: its longer and shorter horizontal side, and its height."""
 Scale = tuple[str, float]
 """One of :data:`SIDES` and its length, metres, > 0."""
-BEFORE = " before "
-"""Separates the two stages of an order."""
 PRIOR_STRENGTH = 2.0
 """Successes after which a prior's mean counts as much as the default."""
 ON = " on "
@@ -106,31 +104,8 @@ class Ban(_Lesson):
     kind: ClassVar[str] = "forbid"
 
 
-@dataclass(frozen=True)
-class Order(_Lesson):
-    """If a plan has both stages of ``parameter``, "A before B", its first A comes before its first B."""
-
-    kind: ClassVar[str] = "order"
-
-    @property
-    def stages(self) -> tuple[str, str]:
-        """The earlier and the later stage; raises :class:`ValueError` if it does not name two."""
-        earlier, _, later = (stage.strip() for stage in self.parameter.partition(BEFORE))
-        if not (earlier and later):
-            raise ValueError(f"does not say 'A{BEFORE}B'")
-        return earlier, later
-
-    def broken_by(self, stages: Sequence[str]) -> bool:
-        """Whether a plan's ``stages``, in order, have both and the later one first.
-
-        It does not apply to a plan without one of them: other planners name their stages differently.
-        """
-        earlier, later = self.stages
-        return {earlier, later} <= set(stages) and stages.index(later) < stages.index(earlier)
-
-
-Effect = Bound | Prior | Ban | Order
-_KINDS: Mapping[str, type[Effect]] = {one.kind: one for one in (Bound, Prior, Ban, Order)}
+Effect = Bound | Prior | Ban
+_KINDS: Mapping[str, type[Effect]] = {one.kind: one for one in (Bound, Prior, Ban)}
 _NUMBERS = ("value", "sd", "count")
 _FIELDS = {"kind", *(f.name for one in _KINDS.values() for f in fields(one))}
 
@@ -142,44 +117,36 @@ def effect_from_json(data: Mapping[str, Any], source: str = "") -> Effect | Prog
     """
     if data.get("kind") == "program":
         return Program.from_json(data, source)
-    try:
-        return _parsed(data, source)
-    except (TypeError, ValueError) as error:
-        raise PlanningError(f"Not a parameter effect: {dict(data)!r:.300} {error}.") from None
-
-
-def _parsed(data: Mapping[str, Any], source: str) -> Effect:
     kind = _KINDS.get(str(data.get("kind")))
-    if kind is None:
-        raise ValueError(f"has the kind {data.get('kind')!r}; there are {', '.join(_KINDS)}, program")
-    if unknown := set(data) - _FIELDS:
-        raise ValueError(f"has unknown fields: {', '.join(sorted(map(str, unknown)))}")
-    given = {f.name: data[f.name] for f in fields(kind) if f.name in data}
-    for name, value in given.items():
-        if name not in _NUMBERS and not isinstance(value, str):
-            raise ValueError(f"has a {name} that is not text")
-        number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if name in _NUMBERS and not number:
-            raise ValueError(f"has a {name} that is not a finite number")
-    if kind is Bound and data.get("op") not in (">=", "<="):
-        raise ValueError(f"has the op {data.get('op')!r}; it is >= or <=")
-    if given.get("scale", "") not in ("", *SIDES):
-        raise ValueError(f"has the scale {given['scale']!r}; there are {', '.join(SIDES)}")
-    effect = kind(**given | ({"source": source} if source else {}))
-    if isinstance(effect, Order):
-        effect.stages  # noqa: B018 - raises ValueError
-    return effect
+    own = () if kind is None else fields(kind)
+    given = {f.name: data[f.name] for f in own if f.name in data}
+    missing = [f.name for f in own if f.default is MISSING and f.name not in given]
+    words = [name for name, value in given.items() if name not in _NUMBERS and not isinstance(value, str)]
+    numbers = [name for name in _NUMBERS if name in given and not _finite(given[name])]
+    wrong = [*(set(data) - _FIELDS), *missing, *words, *numbers]
+    if given.get("scale", "") not in ("", *SIDES) or (kind is Bound and data.get("op") not in (">=", "<=")):
+        wrong.append("scale or op")
+    if kind is None or wrong:
+        kinds = ", ".join(_KINDS)
+        reason = (
+            f"wrong or missing: {', '.join(sorted(map(str, wrong)))}"
+            if kind
+            else f"kinds are {kinds}, program"
+        )
+        raise PlanningError(f"Not a parameter effect: {dict(data)!r:.300}; {reason}.")
+    return kind(**given | ({"source": source} if source else {}))
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def as_shares(effect: Effect, scales: Mapping[str, Scale]) -> Effect:
     """The effect in shares of the side that the plan's ``scales`` give for its parameter, if any."""
-    match effect:
-        case Bound() | Prior():
-            side, length = scales.get(effect.parameter, ("", 0.0))
-            scaled = not effect.scale and side in SIDES and length > 0.0
-            return effect.scaled(1.0 / length, side) if scaled else effect
-        case Ban() | Order():
-            return effect
+    side, length = scales.get(effect.parameter, ("", 0.0))
+    if isinstance(effect, Ban) or effect.scale or side not in SIDES or length <= 0.0:
+        return effect
+    return effect.scaled(1.0 / length, side)
 
 
 def sides_of(obj: SceneObject) -> dict[str, float]:

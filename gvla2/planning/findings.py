@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from gvla2.planning.trajectory import Trajectory
+from gvla2.planning.trajectory import Trajectory, WaypointFault
 
 TABLE_MARGIN = 0.003
 """Gap between the fingertips' end and the table, where touching it is not allowed."""
@@ -35,8 +35,7 @@ FindingKind = Literal[
     "",
     "unchecked",
     # schema
-    "too_few_waypoints", "too_many_waypoints", "no_stage", "unknown_object", "bad_motion", "not_finite",
-    "not_positive", "negative", "bad_guard", "bad_orientation",
+    "too_few_waypoints", "too_many_waypoints", "no_stage", "unknown_object", WaypointFault,
     # workspace
     "outside_workspace", "table_margin", "segment_too_long", "too_fast",
     # gripper
@@ -47,7 +46,7 @@ FindingKind = Literal[
     # clearance
     "collision", "blocked_start", "hand_blocked", "too_wide",
     # memory
-    "order_broken", "bound_broken",
+    "bound_broken",
 ]  # fmt: skip
 """What a check found, a stable word; "" with ``passed`` for a check that found nothing wrong."""
 
@@ -72,7 +71,7 @@ class Findings:
     """What one check found wrong with a trajectory so far; messages begin with the waypoint's index and stage."""
 
     def __init__(self, check: CheckName, trajectory: Trajectory) -> None:
-        self._check, self._trajectory = check, trajectory
+        self._check, self.trajectory = check, trajectory
         self._failed: list[Finding] = []
 
     def fail(
@@ -85,7 +84,7 @@ class Findings:
     ) -> None:
         """Add a fault of waypoint ``index``, of the whole trajectory if it is negative."""
         if index >= 0:
-            stage = self._trajectory.waypoints[index].stage
+            stage = self.trajectory.waypoints[index].stage
             message = f"Waypoint {index} ({stage or 'no stage'}): {message}"
         self._failed.append(Finding(self._check, False, index, kind, message, value, limit))
 
@@ -97,11 +96,10 @@ class Findings:
             self.fail(index, kind, f"{what} is {value:.3g}, below {limit:.3g}; {advice}.", value, limit)
         return value >= limit - EPS
 
-    def most(self, index: int, kind: FindingKind, what: str, value: float, limit: float, advice: str) -> bool:
-        """As :meth:`least`, for a value that must not be above its limit."""
+    def most(self, index: int, kind: FindingKind, what: str, value: float, limit: float, advice: str) -> None:
+        """A fault if a value is above its limit."""
         if value > limit + EPS:
             self.fail(index, kind, f"{what} is {value:.3g}, above {limit:.3g}; {advice}.", value, limit)
-        return value <= limit + EPS
 
     def or_passed(self, message: str) -> list[Finding]:
         """All faults, or the one finding of a check that found none."""

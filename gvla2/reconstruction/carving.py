@@ -17,18 +17,17 @@ from scipy.ndimage import gaussian_filter, label, map_coordinates
 from scipy.optimize import linprog
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.compiled import fused, run_chunks
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.appearance import vertex_colours
-from gvla2.reconstruction.compiled import compiled, run_chunks
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_agreement, mask_silhouettes
 from gvla2.reconstruction.support import projection
 from gvla2.reconstruction.surfels import surfels
 
 _MARGIN = 0.5  # pixels around a mask's box: a mask is known to half a pixel
-_UNBOUNDED_DEPTH = 1.0  # metres, where nothing at all says how far the object is
 
 _DEEP = 3.0  # the field is exact within this many voxels of the surface and clipped beyond
 
@@ -53,12 +52,11 @@ class PackedSilhouettes(NamedTuple):
     sizes: NDArray[np.int64]  # (S, 3) width, height, first pixel
     metres: FloatArray  # (S,) size of a pixel at depth 1
     cut: NDArray[np.bool_]  # (S, 4)
-    depths: FloatArray  # (S, 2)
     distances: NDArray[np.float32]  # all pixels
 
 
-def pack(silhouettes: Sequence[Silhouette], depths: FloatArray) -> PackedSilhouettes:
-    """Silhouettes and the depths (S, 2) in metres between which the object lies, for :func:`fill`."""
+def pack(silhouettes: Sequence[Silhouette]) -> PackedSilhouettes:
+    """Silhouettes for :func:`fill`."""
     starts = np.cumsum([0] + [s.distance.size for s in silhouettes])
     return PackedSilhouettes(
         np.array([projection(s.camera) for s in silhouettes]),
@@ -67,7 +65,6 @@ def pack(silhouettes: Sequence[Silhouette], depths: FloatArray) -> PackedSilhoue
         ),
         np.array([2.0 / (s.camera.K[0, 0] + s.camera.K[1, 1]) for s in silhouettes]),
         np.array([s.cut for s in silhouettes]),
-        np.asarray(depths, dtype=np.float64),
         np.concatenate([s.distance.ravel() for s in silhouettes]),
     )
 
@@ -90,7 +87,7 @@ def fill(packed: PackedSilhouettes, bounds: FloatArray, step: float) -> Field:
     return Field(values, origin, step)
 
 
-@compiled
+@fused
 def _fill(
     values: NDArray[np.float32],
     origin: FloatArray,
@@ -100,7 +97,7 @@ def _fill(
     start: int,
     stop: int,
 ) -> None:
-    projections, sizes, metres, cut, depths, distances = packed
+    projections, sizes, metres, cut, distances = packed
     _, ny, nz = values.shape
     for i in range(start, stop):
         x = origin[0] + step * i
@@ -116,8 +113,6 @@ def _fill(
                     if depth <= 1e-6:
                         least = -deep
                         break
-                    near, far = depths[s, 0], depths[s, 1]
-                    least = min(least, depth - near, far - depth)
                     u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / depth - 0.5
                     v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth - 0.5
                     width, height, first = sizes[s, 0], sizes[s, 1], sizes[s, 2]
@@ -150,44 +145,19 @@ def _fill(
                 values[i, j, k] = least if seen else -deep
 
 
-@dataclass(frozen=True)
-class Region:
-    """``bounds`` (2, 3), metres, world; ``depths`` (S, 2) nearest and farthest depth in each view, metres.
+def frusta_bounds(silhouettes: Sequence[Silhouette]) -> FloatArray | None:
+    """The box (2, 3) around the intersection of the masks' frusta, metres; None where they bound no such box.
 
-    ``complete``: the views alone bound the object; otherwise the depths are a guess from the masks' sizes.
-    """
-
-    bounds: FloatArray
-    depths: FloatArray
-    complete: bool
-
-
-def frusta_region(silhouettes: Sequence[Silhouette], depth: float | None = None) -> Region | None:
-    """The box around the intersection of the masks' frusta, None when they do not meet.
-
-    One view, or views side by side, leave the depth open: the object is then taken to be as deep as its masks are
-    wide, beginning at ``depth`` (metres along the first camera's z) if that is given, else around the point nearest
-    to all the masks' middle rays. Raises :class:`GeometryError` when every mask fills its whole image.
+    They do not meet, or leave the depth open: one view alone, or views side by side. Raises :class:`GeometryError` when
+    every mask fills its whole image.
     """
     if all(s.cut.all() for s in silhouettes):
         raise GeometryError("Every mask fills its whole image: nothing bounds the object.")
-    rows = [row for s in silhouettes for row in _sides(s)]
-    free = np.tile([0.0, np.inf], (len(silhouettes), 1))
-    bounds = None
-    if len(silhouettes) > 1:
-        status, bounds = _box(np.array(rows))
-        if status == "empty":
-            return None
-        if bounds is not None and not _too_long(bounds, silhouettes):
-            return Region(bounds, free, True)
-    depths = _slabs(silhouettes, _middle(silhouettes, depth))
-    for s, (near, far) in zip(silhouettes, depths, strict=True):
-        row = projection(s.camera)[2]
-        rows += [row - [0, 0, 0, near], -row + [0, 0, 0, far]]
-    # A mask that is cut on a side ends there for want of anything better.
-    rows += [row for s in silhouettes for row in _sides(s, cut=True)]
-    status, bounds = _box(np.array(rows))
-    return None if bounds is None else Region(bounds, depths, False)
+    status, bounds = _box(np.array([row for s in silhouettes for row in _sides(s)]))
+    if status == "open":
+        # A mask that is cut on a side ends there for want of anything better.
+        _, bounds = _box(np.array([row for s in silhouettes for row in _sides(s, cut=True)]))
+    return None if bounds is None or _too_long(bounds, silhouettes) else bounds
 
 
 def _sides(s: Silhouette, cut: bool = False) -> list[FloatArray]:
@@ -229,39 +199,6 @@ def _too_long(bounds: FloatArray, silhouettes: Sequence[Silhouette]) -> bool:
     return float(np.linalg.norm(bounds[1] - bounds[0])) > 8 * widest
 
 
-def _middle(silhouettes: Sequence[Silhouette], depth: float | None) -> FloatArray:
-    """(3,) the object's middle: nearest to the middle rays of all masks, or behind ``depth`` along the first one."""
-    origins, directions = [], []
-    for s in silhouettes:
-        uv = 0.5 * (s.box[:2] + s.box[2:])
-        ray = s.camera.world_from_camera[:3, :3] @ np.linalg.inv(s.camera.K) @ np.append(uv, 1.0)
-        origins.append(s.camera.position)
-        directions.append(ray)
-    if depth is None and len(silhouettes) > 1:
-        unit = np.array(directions) / np.linalg.norm(directions, axis=1, keepdims=True)
-        across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
-        normal = across.sum(axis=0)
-        if np.linalg.cond(normal) < 1e6:
-            point = np.linalg.solve(normal, (across @ np.array(origins)[:, :, None]).sum(axis=0)[:, 0])
-            if all(s.camera.project(point)[1] > 0 for s in silhouettes):
-                return np.asarray(point, dtype=np.float64)
-    if depth is None:
-        # A scene is commonly built around its origin; where the camera looks away from it, a metre will do.
-        facing = float(directions[0] @ (-origins[0])) / float(directions[0] @ directions[0])
-        middle = facing if facing > 1e-3 else _UNBOUNDED_DEPTH
-    else:
-        # The slab below is centred, and half as thick as this share of its own depth.
-        middle = depth / max(1.0 - _reach(silhouettes[0], 1.0) / np.sqrt(2), 0.2)
-    return np.asarray(origins[0] + middle * directions[0], dtype=np.float64)
-
-
-def _slabs(silhouettes: Sequence[Silhouette], middle: FloatArray) -> FloatArray:
-    """(S, 2) nearest and farthest depth of the object in each view: as deep as the widest mask is wide."""
-    depths = np.array([float(s.camera.project(middle)[1]) for s in silhouettes])
-    half = max(_reach(s, d) for s, d in zip(silhouettes, depths, strict=True) if d > 0) / np.sqrt(2)
-    return np.stack([np.maximum(depths - half, 0.05 * np.abs(depths)), np.abs(depths) + half], axis=1)
-
-
 _COARSE = 40  # voxels along a side of the search for the object
 _LONGEST = 4.0  # a grid is at most this many resolutions long, however thin the object
 _SMALL_PART = 0.02  # parts of less than this share of the largest part must be needed by a mask
@@ -292,75 +229,52 @@ def carve(views: Views, resolution: int = 96) -> Carving:
     """Carve the object that the views' masks show.
 
     The grid has about ``resolution`` cubed voxels. Views without a mask and views with an empty one are ignored; when
-    the others' silhouettes have no point in common, the worst of them is dropped, again and again. With one view the
-    object is as deep as it is wide. The status reports each of these. Deterministic.
+    the others' silhouettes have no point in common, the worst of them is dropped, again and again. The status reports
+    each of these. Deterministic.
 
-    Raises :class:`GeometryError` when no mask shows anything, when two views contradict each other, and for a
-    ``resolution`` below 8.
+    Raises :class:`GeometryError` when no mask shows anything, when two views contradict each other or leave the
+    object's depth open, and for a ``resolution`` below 8.
     """
     if resolution < 8:
         raise GeometryError(f"Carving needs a resolution of at least 8 voxels a side, got {resolution}.")
-    used, dropped, notes, region = _evidence(views)
-    field = without_specks(_field(used, region, resolution), used)
+    shown, notes = mask_silhouettes(views)
+    used, dropped = _agreeing(shown)
+    field = without_specks(_field(used, resolution), used)
     mesh = surface_of(field)
     normals = normals_of(field, mesh.vertices)
     depths = depth_maps(mesh, [s.camera for s in used])
     colours, seen = vertex_colours(mesh, normals, used, depths, 2.0 * field.step)
-    return Carving(replace(mesh, colours=colours), normals, seen, _status(notes, used, dropped, region))
+    if dropped:
+        notes = (f"fallback: the views disagree, so {', '.join(dropped)} was dropped", *notes)
+    return Carving(replace(mesh, colours=colours), normals, seen, "; ".join(notes) or "ok")
 
 
 def hull_field(views: Views, resolution: int = 96) -> Field:
     """The visual hull of the views' masks as :func:`carve` makes it, before a surface is taken."""
-    used, _, _, region = _evidence(views)
-    return _field(used, region, resolution)
+    used, _ = _agreeing(mask_silhouettes(views)[0])
+    return _field(used, resolution)
 
 
-def _evidence(views: Views) -> tuple[tuple[Silhouette, ...], list[str], tuple[str, ...], Region]:
-    """The silhouettes that agree, the names of those that were dropped, notes, and where the object can be."""
-    shown, notes = mask_silhouettes(views)
-    depth = _measured_depth(views, shown[0])
-    used, dropped = _agreeing(shown, depth)
-    region = frusta_region(used, depth)
-    assert region is not None  # or the views would not agree
-    return used, dropped, notes, region
-
-
-def _status(notes: Sequence[str], used: Sequence[Silhouette], dropped: Sequence[str], region: Region) -> str:
-    status = list(notes)
-    if dropped:
-        status.insert(0, f"fallback: the views disagree, so {', '.join(dropped)} was dropped")
-    if len(used) == 1:
-        status.insert(0, "fallback: one view only, so the depth is a guess from the mask's width")
-    elif not region.complete:
-        status.insert(0, "fallback: the views leave the depth open, so it is a guess from the masks' width")
-    return "; ".join(status) or "ok"
-
-
-def _measured_depth(views: Views, first: Silhouette) -> float | None:
-    """Depth of the nearest surface inside the first silhouette, metres, where that view measures depth."""
-    view = next(v for v in views if v.camera is first.camera)
-    if view.depth is None:
-        return None
-    measured = view.depth[first.inside]
-    measured = measured[np.isfinite(measured) & (measured > 0)]
-    return float(np.quantile(measured, 0.02)) if len(measured) else None
-
-
-def _agreeing(shown: tuple[Silhouette, ...], depth: float | None) -> tuple[tuple[Silhouette, ...], list[str]]:
+def _agreeing(shown: tuple[Silhouette, ...]) -> tuple[tuple[Silhouette, ...], list[str]]:
     """The silhouettes that have an object in common, and the names of those that were dropped to get there."""
     dropped: list[str] = []
     used = shown
     while True:
-        now = _coarse_agreement(used, depth)
-        if now >= _AGREEMENT or len(used) == 1 or (now > 0 and len(used) < 4):
+        now = _coarse_agreement(used)
+        if now >= _AGREEMENT or (now > 0 and len(used) < 4):
             return used, dropped
+        names = " and ".join(f"'{s.camera.name}'" for s in used)
+        if len(used) == 1:
+            raise GeometryError(
+                f"The view {names} alone leaves the object's depth open: carving needs two or more."
+            )
         if len(used) == 2:
             raise GeometryError(
-                f"The views '{used[0].camera.name}' and '{used[1].camera.name}' contradict each other: no point "
-                "lies in both silhouettes. Check the cameras' poses and that the masks show the same object."
+                f"The views {names} contradict each other or look the same way: nothing bounded lies in both "
+                "silhouettes. Check the cameras' poses and that the masks show the same object."
             )
         without = [used[:i] + used[i + 1 :] for i in range(len(used))]
-        scores = [_coarse_agreement(rest, depth) for rest in without]
+        scores = [_coarse_agreement(rest) for rest in without]
         best = int(np.argmax(scores))
         if now > 0 and scores[best] < now + _GAIN:
             return used, dropped
@@ -368,15 +282,13 @@ def _agreeing(shown: tuple[Silhouette, ...], depth: float | None) -> tuple[tuple
         used = without[best]
 
 
-def _coarse_agreement(used: Sequence[Silhouette], depth: float | None) -> float:
+def _coarse_agreement(used: Sequence[Silhouette]) -> float:
     """Mean IoU of a coarse hull with the masks that it was carved from; 0 when there is no hull."""
-    region = frusta_region(used, depth)
-    if region is None:
-        return 0.0
-    found = _tighten(pack(used, region.depths), region.bounds)
+    bounds, packed = frusta_bounds(used), pack(used)
+    found = None if bounds is None else _tighten(packed, bounds)
     if found is None:
         return 0.0
-    field = _grid(pack(used, region.depths), found, 24)
+    field = _grid(packed, found, 24)
     if not (field.values > 0).any():
         # Thinner than a coarse voxel everywhere, but there.
         return _AGREEMENT
@@ -406,9 +318,9 @@ def _grid(packed: PackedSilhouettes, bounds: FloatArray, resolution: int) -> Fie
     return fill(packed, bounds, step)
 
 
-def _field(used: Sequence[Silhouette], region: Region, resolution: int) -> Field:
-    packed = pack(used, region.depths)
-    bounds = _tighten(packed, region.bounds)
+def _field(used: Sequence[Silhouette], resolution: int) -> Field:
+    packed, region = pack(used), frusta_bounds(used)
+    bounds = None if region is None else _tighten(packed, region)
     if bounds is None:
         raise GeometryError("The silhouettes have no point in common within the bounds.")
     for finer in (1, 2, 3):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
@@ -21,14 +20,12 @@ from gvla2.geometry.views import Views
 class Reconstruction:
     """An object's geometry in the world frame, metres: Gaussians, a mesh, or both.
 
-    ``status`` is ``"ok"`` or a typed reason why less was done than asked, for the run's page. ``glb`` is the file that
-    the mesh was read from, if it was: while only its vertices move, its materials and texture coordinates are kept.
+    ``status`` is ``"ok"`` or a typed reason why less was done than asked, for the run's page.
     """
 
     gaussians: Gaussians | None
     mesh: TriangleMesh | None
     status: str = "ok"
-    glb: Path | None = None
 
 
 @dataclass(frozen=True)

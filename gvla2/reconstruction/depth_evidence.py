@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.compiled import fused
+from gvla2.geometry.transform import FloatArray, check_rigid
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_samples import (
     KNOTS,
@@ -39,7 +39,6 @@ from gvla2.reconstruction.depth_samples import (
     surface_normals,
     with_corrected_normals,
 )
-from gvla2.reconstruction.sim3 import scale_between
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.view_set import ViewSet
 
@@ -207,7 +206,7 @@ class _Problem:
         return cost + 0.5 * float(z @ z), slope * self._spread + z, curvature + np.eye(len(z))
 
 
-@compiled
+@fused
 def _gather(
     columns: NDArray[np.intp],
     values: FloatArray,
@@ -225,7 +224,7 @@ def _gather(
                 curvature[i, columns[n, b]] += value * weight[n] * values[n, b]
 
 
-@compiled
+@fused
 def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatArray) -> FloatArray:
     """(N,) variances of rows (N, K) of unknowns with a covariance (P, P)."""
     found = np.zeros(len(columns))
@@ -236,7 +235,7 @@ def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatA
     return found
 
 
-@compiled
+@fused
 def _inverse(matrix: FloatArray) -> FloatArray:
     """Invert a positive definite matrix by Gauss-Jordan elimination.
 
@@ -264,14 +263,15 @@ LEAST_COVERAGE = 0.05
 """Least share of the masks' pixels that must have depth."""
 GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
-OFF_SCALE, OFF_ALONE = 0.1, 1.0
-"""How far the factor between a prior's depth and the masks is from 1, up or down, where it is reported: several
-views, and one view alone, whose hull is deep."""
+OFF_SCALE = 0.1
+"""How far the factor between a prior's depth and the masks is from 1, up or down, where it is reported."""
 _THROUGH = 4.0
 """Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
 _DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5
 """Standard deviations behind a cap that refute a pixel; relative errors above are no noise; least number of caps."""
 _NODES = np.linspace(-3.0, 3.0, 25)
+_FLAT = 1e-6
+"""Below this share of the distance from the origin, a spread counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -315,7 +315,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         raise GeometryError("The prior's depth and the visual hull have no pixel in common.")
     depth = np.where(usable[:, None, None], depth * rough[:, None, None], np.nan)
     if usable.sum() < 2:
-        # A single view has nobody to disagree with, and its hull is as much a guess as its scale.
+        # A single depth map has nobody to disagree with.
         depth = depth / np.where(usable, rough, 1.0)[:, None, None]
         aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan))
         refuted = np.zeros(depth.shape, dtype=np.bool_)
@@ -335,7 +335,7 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         right = "how right its depth is cannot be judged from one"
     summary = f"{int(usable.sum())} of {len(views)} views used, {right}."
     scale = float(np.median(rough[usable]))
-    if max(scale, 1 / scale) - 1 > (OFF_SCALE if usable.sum() > 1 else OFF_ALONE):
+    if max(scale, 1 / scale) - 1 > OFF_SCALE:
         summary += f" The masks fit its depth times {scale:.3g}: is it in metres?"
     return DepthEvidence(
         believed, aligned.std, np.clip(weight / typical, 0.0, 1e3), np.nan_to_num(normals), summary
@@ -442,6 +442,38 @@ def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
     return scale_between(estimate.world_from_camera, calibrated) or 1.0
 
 
+def scale_between(estimated: FloatArray, calibrated: FloatArray) -> float | None:
+    """The scale of the similarity from a prior's cameras to the calibrated ones, by centres and axis points.
+
+    ``estimated`` and ``calibrated`` are world_from_camera (S, 4, 4). Each camera stands for
+    its centre and three points on its axes, one root mean square spread of the centres away, so that two or
+    collinear centres fix the rotation too; the axes say nothing about scale, which comes from the centres alone.
+    None when all centres coincide (one view, or a turning camera): depth must then be scaled by other means.
+    Raises :class:`GeometryError` for different numbers of cameras, or poses that are not rigid.
+    """
+    a, b = (np.asarray(x, dtype=np.float64) for x in (estimated, calibrated))
+    if a.ndim != 3 or len(a) == 0 or a.shape != b.shape:
+        raise GeometryError(
+            f"Cameras to align must both be (S, 4, 4) with S >= 1, got {a.shape} and {b.shape}."
+        )
+    a = np.stack([check_rigid(pose, f"Estimated camera {i}") for i, pose in enumerate(a)])
+    b = np.stack([check_rigid(pose, f"Calibrated camera {i}") for i, pose in enumerate(b)])
+    mean_a, mean_b = a[:, :3, 3].mean(axis=0), b[:, :3, 3].mean(axis=0)
+    centres_a, centres_b = a[:, :3, 3] - mean_a, b[:, :3, 3] - mean_b
+    spread_a, spread_b = (float(np.sqrt((c * c).sum(axis=1).mean())) for c in (centres_a, centres_b))
+    # Far from the origin, equal centres differ by rounding.
+    floor_a, floor_b = (_FLAT * max(float(np.abs(m).max()), 1e-6) for m in (mean_a, mean_b))
+    if spread_a <= floor_a or spread_b <= floor_b:
+        return None
+    # Axis points at one spread's distance, in units of the spread: centres and axes then weigh alike.
+    axes = np.einsum("sij,skj->ik", b[:, :3, :3], a[:, :3, :3])
+    u, _, vt = np.linalg.svd(axes + centres_b.T @ centres_a / (spread_a * spread_b))
+    # Of all proper rotations, the one with the largest trace of R^T times that.
+    rotation = (u * [1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))]) @ vt
+    scale = float(np.sum(centres_b * (centres_a @ rotation.T)) / (len(a) * spread_a**2))
+    return scale if scale > 0 else None
+
+
 def _first_scale(depth: FloatArray, front: FloatArray) -> float:
     """The factor that puts a depth map near the hull's front; NaN for too few pixels."""
     both = np.isfinite(depth) & np.isfinite(front)
@@ -463,7 +495,7 @@ def _within_hull(aligned: Aligned, front: FloatArray, back: FloatArray) -> Float
     return believed
 
 
-@compiled
+@fused
 def _mean_gap(
     measured: FloatArray, sigma: FloatArray, far: FloatArray, nodes: FloatArray, likely: FloatArray
 ) -> FloatArray:

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.compiled import Floats, Ints, Real, cores, fused, run_chunks, run_together
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled, cores, run_chunks, run_together
 
 MAX_ALPHA = np.float32(0.99)
 """The most that a single Gaussian hides, as in 3DGS."""
@@ -41,9 +41,9 @@ U, V, CONIC_A, CONIC_B, CONIC_DET, OPACITY, REACH, RED, GREEN, BLUE, DEPTH = ran
 REACH is ln(opacity / min_alpha): alpha is above min_alpha while half the squared Mahalanobis distance is below it."""
 SPLAT_COLUMNS = 11
 
-ROTATION, TRANSLATION, INTRINSICS, EYE, SLOPES, LOW_PASS, NEAR, MIN_ALPHA = 0, 9, 12, 17, 20, 24, 25, 26
-"""Offsets in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
-the least and greatest slopes x/z, y/z at which the projection is linearised, and the renderer's options."""
+ROTATION, TRANSLATION, INTRINSICS, SLOPES, LOW_PASS, NEAR, MIN_ALPHA = 0, 9, 12, 17, 21, 22, 23
+"""Offsets in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the least and greatest slopes x/z,
+y/z at which the projection is linearised, and the renderer's options."""
 
 MOST_SPREAD = np.float32(1e3)
 """A standard deviation of this multiple of the depth covers any image; more would only overflow."""
@@ -91,9 +91,8 @@ class Rasteriser:
 
 
 def _contiguous(of: Gaussians) -> list[Floats]:
-    """Contiguous centres, log-scales, rotations, logits, constant and higher harmonics; (0, 0) without the last."""
-    rest = np.zeros((0, 0), np.float32) if of.sh_rest is None else of.sh_rest
-    arrays = (of.centres, of.log_scales, of.rotations, of.opacity_logits, of.sh_dc, rest)
+    """Contiguous centres, log-scales, rotations, logits and constant harmonics."""
+    arrays = (of.centres, of.log_scales, of.rotations, of.opacity_logits, of.sh_dc)
     return [np.ascontiguousarray(array) for array in arrays]
 
 
@@ -111,11 +110,11 @@ def _pack(camera: Camera, rasteriser: Rasteriser) -> Floats:
     low, high = middle - _FRUSTUM_MARGIN * half, middle + _FRUSTUM_MARGIN * half
     intrinsics = [K[0, 0], K[0, 1], K[0, 2], K[1, 1], K[1, 2]]
     limits = [low[0], high[0], low[1], high[1], rasteriser.low_pass, rasteriser.near, rasteriser.min_alpha]
-    packed = [*pose[:3, :3].ravel(), *pose[:3, 3], *intrinsics, *camera.position, *limits]
+    packed = [*pose[:3, :3].ravel(), *pose[:3, 3], *intrinsics, *limits]
     return np.array(packed, dtype=np.float32)
 
 
-@compiled
+@fused
 def _tile_lists(
     order: Ints, boxes: Ints, across: int, down: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
@@ -136,7 +135,7 @@ def _tile_lists(
     return offsets, members
 
 
-@compiled
+@fused
 def _composite(
     worker: int,
     workers: int,
@@ -219,29 +218,7 @@ def _composite(
                     image[y, x, channel] = colour[k, channel] + light[k] * background[channel]
 
 
-def harmonics(x: Any, y: Any, z: Any) -> tuple[Any, ...]:
-    """The 15 values at a unit direction: of numbers, arrays alike, and inside compiled loops."""
-    xx, yy, zz = x * x, y * y, z * z
-    return (
-        -0.4886025119 * y,
-        0.4886025119 * z,
-        -0.4886025119 * x,
-        1.0925484306 * x * y,
-        -1.0925484306 * y * z,
-        0.3153915653 * (2 * zz - xx - yy),
-        -1.0925484306 * x * z,
-        0.5462742153 * (xx - yy),
-        -0.5900435899 * y * (3 * xx - yy),
-        2.8906114426 * x * y * z,
-        -0.4570457995 * y * (4 * zz - xx - yy),
-        0.3731763326 * z * (2 * zz - 3 * xx - 3 * yy),
-        -0.4570457995 * x * (4 * zz - xx - yy),
-        1.4453057213 * z * (xx - yy),
-        -0.5900435899 * x * (xx - 3 * yy),
-    )
-
-
-@compiled
+@fused
 def _project(
     start: int,
     stop: int,
@@ -253,7 +230,6 @@ def _project(
     rotations: Floats,
     logits: Floats,
     sh_dc: Floats,
-    sh_rest: Floats,
     splats: Floats,
     boxes: Ints,
 ) -> None:
@@ -313,10 +289,11 @@ def _project(
         splats[i, U], splats[i, V], splats[i, DEPTH] = u, v, z
         splats[i, CONIC_A], splats[i, CONIC_B], splats[i, CONIC_DET] = yy / det, -xy / det, one / det
         splats[i, OPACITY], splats[i, REACH] = opacity, reach
-        _colour(camera, centres[i], sh_dc[i], sh_rest, i, splats[i])
+        for k in range(3):
+            splats[i, RED + k] = max(half + SH_C0 * sh_dc[i, k], np.float32(0.0))
 
 
-@compiled
+@fused
 def _axes(log_scale: Floats, rotation: Floats, most: Real, axes: Floats) -> None:
     """Write L = R S (3, 3), one axis of the Gaussian a column, none longer than ``most``."""
     w, x, y, q = rotation[0], rotation[1], rotation[2], rotation[3]
@@ -335,35 +312,3 @@ def _axes(log_scale: Floats, rotation: Floats, most: Real, axes: Floats) -> None
     axes[0, 2] = two * (x * q + w * y) * c
     axes[1, 2] = two * (y * q - w * x) * c
     axes[2, 2] = (one - two * (x * x + y * y)) * c
-
-
-_harmonics = compiled(harmonics)
-
-
-@compiled
-def _colour(
-    camera: Floats,
-    centre: Floats,
-    sh_dc: Floats,
-    sh_rest: Floats,
-    i: int,
-    splat: Floats,
-) -> None:
-    """Colour >= 0 towards the camera, from spherical harmonics up to degree 3 in the order of 3DGS."""
-    for k in range(3):
-        splat[RED + k] = np.float32(0.5) + SH_C0 * sh_dc[k]
-    count = sh_rest.shape[1] // 3
-    if count > 0:
-        x, y, z = centre[0] - camera[EYE], centre[1] - camera[EYE + 1], centre[2] - camera[EYE + 2]
-        inverse = np.float32(1.0) / math.sqrt(
-            x * x + y * y + z * z
-        )  # not zero: z > near in the camera's frame
-        x, y, z = x * inverse, y * inverse, z * inverse
-        basis = _harmonics(x, y, z)
-        for k in range(3):
-            total = 0.0
-            for j in range(count):
-                total += basis[j] * sh_rest[i, k * count + j]
-            splat[RED + k] += np.float32(total)
-    for k in range(3):
-        splat[RED + k] = max(splat[RED + k], np.float32(0.0))

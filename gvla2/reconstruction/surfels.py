@@ -10,10 +10,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.compiled import cores, fused
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.compiled import compiled, cores
 
 _ROUNDS = 6  # of darts, each as many as Gaussians are wanted
 _PACKING = 0.715  # least distance of darts over sqrt(area / count): gives that count within a few per cent
@@ -27,7 +27,7 @@ def surfels(mesh: TriangleMesh, normals: FloatArray | None = None, count: int = 
     """About ``count`` flat, opaque Gaussians on a mesh, no two too close (a Poisson-disk sampling).
 
     ``normals`` (V, 3): unit normals of the vertices; the faces' own serve when there are none. Colours are the
-    mesh's, grey when it has none; there are no higher harmonics. Deterministic. Raises :class:`GeometryError` when
+    mesh's, grey when it has none. Deterministic. Raises :class:`GeometryError` when
     ``count`` is not positive or no face has an area.
     """
     if count < 1:
@@ -83,7 +83,7 @@ def scattered(mesh: TriangleMesh, count: int) -> tuple[FloatArray, NDArray[np.in
     return points, solid[face], weights
 
 
-@compiled
+@fused
 def _throw(
     corners: FloatArray,
     ends: FloatArray,
@@ -142,7 +142,7 @@ def place(
 ) -> Gaussians:
     """As many Gaussians as ``old``, within a few per cent, evenly spread over ``mesh``.
 
-    Each takes opacity, scales, rotation and harmonics of the nearest old one. ``old_mesh`` is where the old ones lie,
+    Each takes opacity, scales, rotation and colour of the nearest old one. ``old_mesh`` is where the old ones lie,
     if known; ``normals`` (V, 3) are ``mesh``'s. Scales grow or shrink with the spacing, rotations turn with the surface
     by the shortest way, constant colours are the mesh's where it has any.
     """
@@ -167,7 +167,6 @@ def place(
         rotations=turned.astype(np.float32),
         opacity_logits=old.opacity_logits[source],
         sh_dc=old.sh_dc[source] if mesh.colours is None else spread.sh_dc,
-        sh_rest=None if old.sh_rest is None else old.sh_rest[source],
     )
 
 

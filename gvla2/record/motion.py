@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import io
-import tempfile
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -107,19 +106,6 @@ class Motion:
     def _send(self, image: Frame) -> None:
         if self._film is not None:
             self._film.send(image.tobytes())
-
-
-def encoded(frames: Sequence[Frame], fps: float) -> bytes:
-    """Frames of one size as an MP4 file. Raises :class:`ValueError` without frames."""
-    if not frames:
-        raise ValueError("A film needs at least one frame.")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / FILM
-        film = _opened(path, _even(frames[0]), fps)
-        for frame in frames:
-            film.send(_even(frame).tobytes())
-        film.close()
-        return path.read_bytes()
 
 
 def _even(image: Frame) -> Frame:

@@ -15,7 +15,6 @@ from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, Stric
 from markupsafe import Markup
 from PIL import Image
 
-from gvla2.episode.lessons import turns_of
 from gvla2.episode.record import EpisodeRecord
 from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_json, write_text
@@ -23,6 +22,7 @@ from gvla2.record import wording
 from gvla2.record.drawing import css_colour, marker_colour
 from gvla2.record.pictures import CLOSED_COLOUR, OPEN_COLOUR, Pictures
 from gvla2.record.text import count, listing, one_line
+from gvla2.record.transcript import turns_of
 
 _FOLDER = Path(__file__).parent
 

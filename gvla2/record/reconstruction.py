@@ -13,21 +13,19 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.gaussians import write_gaussians
-from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.mesh_files import map_glb, read_mesh, write_mesh
+from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.views import Views
-from gvla2.io.files import write_bytes, write_json, write_text
+from gvla2.io.files import write_json, write_text
 from gvla2.reconstruction.branch import BranchResult
-from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.view_set import points_of
 from gvla2.record import reconstruction_measures
 from gvla2.record.page import render
 from gvla2.record.reconstruction_measures import (
     Measures,
-    ReconstructionPictures,
+    ViewPictures,
     drawable,
-    turntable,
     view_pictures,
 )
 from gvla2.record.recorder import FolderRecorder
@@ -201,7 +199,7 @@ def summary_line(record: ReconstructionRecord) -> str:
     return f"{record.name}: {', '.join(parts)}"
 
 
-PLY, GLB, RESULT, PAGE, TURNTABLE = "result.ply", "result.glb", "result.json", "index.html", "turntable.mp4"
+PLY, GLB, RESULT, PAGE = "result.ply", "result.glb", "result.json", "index.html"
 
 
 class ReconstructionRecorder(FolderRecorder):
@@ -217,43 +215,23 @@ class ReconstructionRecorder(FolderRecorder):
             write_gaussians(self.folder / PLY, made.gaussians)
         else:
             self.notes.append(f"The reconstruction has no Gaussians, so there is no {PLY}.")
-        if made.mesh is not None and not self._textured(made.mesh, made.glb):
+        if made.mesh is not None:
             write_mesh(self.folder / GLB, made.mesh)
-        elif made.mesh is None:
+        else:
             self.notes.append(f"The reconstruction has no mesh, so there is no {GLB}.")
-
-    def _textured(self, mesh: TriangleMesh, source: Path | None) -> bool:
-        """Write ``source`` with its vertices moved to the mesh's; False without one, or if the surface differs."""
-        if source is None:
-            return False
-        before = read_mesh(source)
-        if not np.array_equal(before.faces, mesh.faces):
-            self.notes.append(
-                f"The surface is a new one: {GLB} has colours, not the materials of {source.name}."
-            )
-            return False
-        nearest = cKDTree(before.vertices)
-        map_glb(source, self.folder / GLB, lambda points: mesh.vertices[nearest.query(points)[1]])
-        return True
 
     def numbers(self, record: ReconstructionRecord) -> None:
         """``result.json``."""
         write_json(self.folder / RESULT, self._noted(record).summary())
 
-    def pictures(
-        self, record: ReconstructionRecord, renderer: Renderer, frames: int
-    ) -> ReconstructionPictures:
-        """All pictures that can be made; ``turntable.mp4`` into the folder."""
+    def pictures(self, record: ReconstructionRecord) -> tuple[ViewPictures, ...]:
+        """The pictures of the views; none where they cannot be made, or nothing was measured."""
         if record.measures is None:
-            return ReconstructionPictures()
+            return ()
         given = (record.views, record.measures)
-        views = self.attempt("The pictures of the views", lambda: view_pictures(*given)) or ()
-        film = self.attempt("The turntable", lambda: turntable(*given, renderer, frames)) or b""
-        if film:
-            write_bytes(self.folder / TURNTABLE, film)
-        return ReconstructionPictures(views, film)
+        return self.attempt("The pictures of the views", lambda: view_pictures(*given)) or ()
 
-    def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
+    def page(self, record: ReconstructionRecord, pictures: Sequence[ViewPictures]) -> Path:
         """``index.html``; returns its path. ``result.json`` is rewritten with the notes on pictures."""
         path = self.folder / PAGE
         page = render_reconstruction(self._noted(record), pictures, self.config, self.there())
@@ -267,7 +245,7 @@ class ReconstructionRecorder(FolderRecorder):
 
 def render_reconstruction(
     record: ReconstructionRecord,
-    pictures: ReconstructionPictures,
+    pictures: Sequence[ViewPictures] = (),
     config_yaml: str = "",
     beside: Sequence[str] = (),
 ) -> str:

@@ -16,10 +16,8 @@ from gvla2.errors import GeometryError
 from gvla2.evaluation import metrics
 from gvla2.evaluation.metrics import ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
@@ -27,8 +25,7 @@ from gvla2.reconstruction.silhouette import silhouettes
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.view_set import outlined
-from gvla2.record.drawing import Colour, Rect, contact_sheet, enlarged, part_about, png
-from gvla2.record.motion import encoded
+from gvla2.record.drawing import Colour, Rect, enlarged, part_about, png
 
 MISSED: Colour = (230, 97, 1)
 EXCESS: Colour = (44, 96, 214)
@@ -38,9 +35,6 @@ WIDTH = 360
 """Approximate width of a view's pictures in pixels."""
 MOST_VIEWS = 12
 """Maximum number of views on the page, spread over all."""
-TURNTABLE_SIZE = 288
-SECONDS_A_TURN = 4.0
-FIELD_OF_VIEW, ELEVATION = np.deg2rad(30.0), np.deg2rad(22.0)
 
 Floats = NDArray[np.float32]
 
@@ -117,7 +111,7 @@ def measure(
     targets = views if held_out is None else held_out
     whitened = Views(tuple(replace(v, image=as_bytes(on_white(v))) for v in targets))
     judge = ReconstructionJudge(ObjectViews("", views, whitened, truth), renderer)
-    pair = [judge.measure(replace(end, gaussians=drawable(end))).measures for end in ends]
+    pair = [judge.measure(replace(end, gaussians=drawable(end)))[0] for end in ends]
     for group, named, asked in (
         ("held_out", ("psnr", "ssim"), held_out),
         ("truth", ("cd_surface", "cd_official"), truth),
@@ -180,14 +174,6 @@ class ViewPictures:
     residuals: list[bytes]
 
 
-@dataclass
-class ReconstructionPictures:
-    """The page's pictures; empty if not made. ``turntable`` is an MP4 film."""
-
-    views: tuple[ViewPictures, ...] = ()
-    turntable: bytes = b""
-
-
 def view_pictures(views: Views, measures: Measures) -> tuple[ViewPictures, ...]:
     """The pictures of the shown views."""
     count = len(views)
@@ -226,32 +212,3 @@ def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Rect, width
     picture[mask & ~silhouette] = MISSED
     picture[silhouette & ~mask] = EXCESS
     return enlarged(Image.fromarray(picture.astype(np.uint8)), width, box, Image.Resampling.NEAREST)
-
-
-def turntable(views: Views, measures: Measures, renderer: Renderer, frames: int) -> bytes:
-    """An MP4 film of one turn that starts at the first view's side: first and refined object side by side."""
-    ends = (measures.before.gaussians, measures.after.gaussians)
-    points = np.concatenate([end.centres for end in ends]).astype(np.float64)
-    turn = []
-    for camera in ring(points, frames, TURNTABLE_SIZE, views[0].camera.position):
-        pair = [Image.fromarray(as_bytes(renderer.render(end, camera)[0])) for end in ends]
-        titled = zip(("first reconstruction", "refined"), pair, strict=True)
-        turn.append(np.asarray(contact_sheet(list(titled))))
-    return encoded(turn, frames / SECONDS_A_TURN)
-
-
-def ring(points: FloatArray, count: int, size: int, first: FloatArray) -> tuple[Camera, ...]:
-    """Cameras that circle points (N, 3) once, world z upwards, with all of them in the picture.
-
-    The circle starts on the side of the position ``first`` (3,).
-    """
-    low, high = np.percentile(points, [0.5, 99.5], axis=0)
-    centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
-    away = 1.02 * max(radius, 1e-6) / np.sin(0.5 * FIELD_OF_VIEW)
-    begin = np.arctan2(*(first - centre)[1::-1])
-    turns, flat = begin + 2 * np.pi * np.arange(count) / count, np.cos(ELEVATION)
-    offsets = [away * np.array([flat * np.cos(t), flat * np.sin(t), np.sin(ELEVATION)]) for t in turns]
-    return tuple(
-        Camera.from_fov(FIELD_OF_VIEW, look_along(centre + offset, -offset), size, size, f"turn {k}")
-        for k, offset in enumerate(offsets)
-    )

@@ -14,11 +14,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.episode.lessons import kept
 from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import masked_views, objects_of_interest
 from gvla2.errors import OutputError
-from gvla2.geometry.view_folders import write_views
+from gvla2.geometry.view_folders import CAMERAS, VIEWS, write_plain
 from gvla2.geometry.views import Observation
 from gvla2.io.files import make_folder, plain, write_bytes, write_json, write_text
 from gvla2.planning.contracts import Plan
@@ -29,6 +28,7 @@ from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
 from gvla2.record.scene_model import scene_glb
+from gvla2.record.transcript import kept
 from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)
@@ -146,7 +146,7 @@ class RunRecorder(FolderRecorder):
         "result.json",
         *STAGE_FILES,
         *(shown.file for shown in SHOWN.values() if shown.file),
-        *("views.npz", "scene.glb", FILM, STATES, "index.html"),
+        *(f"{VIEWS}/{CAMERAS}", "scene.glb", FILM, STATES, "index.html"),
     )
 
     def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
@@ -232,7 +232,7 @@ class RunRecorder(FolderRecorder):
         objects = objects_of_interest(scene, instruction)
         views = masked_views(observation, objects[0]) if objects else None
         if views is not None:
-            write_views(self.folder, views, objects[0].label)
+            write_plain(self.folder / VIEWS, views, objects[0].label)
 
     def _finish_film(self) -> None:
         self._motion.finish()

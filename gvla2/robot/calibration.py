@@ -1,45 +1,31 @@
-"""Hand-eye calibration: where a camera stands, from pairs of a hand's pose and a target's pose seen by the camera.
+"""Hand-eye calibration: the file that says where a camera stands.
 
-A calibration is one JSON object: ``T_base_camera`` (4, 4) (or ``T_tcp_camera`` for a camera on the hand),
-``intrinsics`` (fx, fy, cx, cy, width, height), ``serial``, ``date``, ``n``, ``rmse`` (metres), ``residuals`` (metres
-per pair) and ``convention``.
-
-Eye to hand (the target is held by the hand): ``tcp_from_target = inv(base_from_tcp) base_from_camera
-camera_from_target`` is the same for every pair. Eye in hand (the target lies on the table): the constant is
-``base_from_target = base_from_tcp tcp_from_camera camera_from_target``. OpenCV's closed form (Park and Martin
-1994) finds the unknown, refined by least squares over the unknown and the constant together.
+It is one JSON object: ``T_base_camera`` (4, 4) (or ``T_tcp_camera`` for a camera on the hand), ``intrinsics`` (fx, fy,
+cx, cy, width, height), ``serial``, ``rmse`` (metres) and ``convention``. ``examples/08_hand_eye.py`` finds it from
+recorded pose pairs by OpenCV; any other tool may write it.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from itertools import combinations
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError, RobotError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, rigid
+from gvla2.geometry.transform import FloatArray, check_rigid
 from gvla2.io.files import write_whole
 
 Mount = Literal["eye_to_hand", "eye_in_hand"]
-
-FEWEST_PAIRS = 8
-SMALLEST_TURN = np.radians(15.0)
-"""The hand must be turned at least this far about two axes: shifts alone leave a calibration undetermined."""
 
 LARGEST_RMSE = 0.005
 """Metres; a calibration worse than that is refused."""
 
 CONVENTION = "T_a_b maps points of b into a; metres; camera x right, y down, z forward, right-handed"
 
-_LEVER = 0.3  # metres: the weight of a radian of rotation error in the refinement
 _KEYS: dict[Mount, str] = {"eye_to_hand": "T_base_camera", "eye_in_hand": "T_tcp_camera"}
 
 
@@ -55,13 +41,9 @@ class Intrinsics:
     height: int
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.K).all() or min(self.fx, self.fy, self.width, self.height) <= 0:
+        numbers = list(vars(self).values())
+        if not np.isfinite(numbers).all() or min(self.fx, self.fy, self.width, self.height) <= 0:
             raise ValueError(f"the intrinsics {vars(self)} are not those of a camera")
-
-    @property
-    def K(self) -> FloatArray:  # noqa: N802 - the field's own name
-        """(3, 3) matrix in pixels."""
-        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True)
@@ -74,11 +56,8 @@ class Calibration:
     transform: FloatArray
     intrinsics: Intrinsics
     serial: str
-    n: int
     rmse: float
-    residuals: tuple[float, ...] = ()
     mount: Mount = "eye_to_hand"
-    date: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
 
     def __post_init__(self) -> None:
         try:
@@ -101,13 +80,18 @@ class Calibration:
             if base_from_tcp is None:
                 raise RobotError(f"The camera '{self.serial}' is on the hand: it needs the hand's pose.")
             pose = base_from_tcp @ pose
-        return Camera(i.K, pose, i.width, i.height, name)
+        matrix = np.array([[i.fx, 0.0, i.cx], [0.0, i.fy, i.cy], [0.0, 0.0, 1.0]])
+        return Camera(matrix, pose, i.width, i.height, name)
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises :class:`OutputError`."""
-        body = {_KEYS[self.mount]: self.transform.tolist(), **vars(self), "convention": CONVENTION}
-        body |= {"intrinsics": vars(self.intrinsics), "residuals": list(self.residuals)}
-        del body["transform"], body["mount"]
+        body = {
+            _KEYS[self.mount]: self.transform.tolist(),
+            "intrinsics": vars(self.intrinsics),
+            "serial": self.serial,
+            "rmse": self.rmse,
+            "convention": CONVENTION,
+        }
         write_whole(path, (json.dumps(body, indent=2) + "\n").encode())
 
     @classmethod
@@ -117,157 +101,24 @@ class Calibration:
         Raises :class:`RobotError`, naming the file, if it is damaged, mirrored, too inexact, of another convention, or
         for another camera.
         """
-        body = _read(path)
+        try:
+            body = dict(json.loads(path.read_text()))
+        except (OSError, ValueError, TypeError) as error:
+            raise RobotError(f"{path} can't be read as a JSON object: {error}.") from error
         mount: Mount = "eye_in_hand" if _KEYS["eye_in_hand"] in body else "eye_to_hand"
         try:
             if body["convention"] != CONVENTION:
                 raise ValueError(f"the convention {body['convention']!r} is not ours")
-            calibration = cls(
-                transform=np.array(body[_KEYS[mount]], dtype=np.float64),
-                intrinsics=Intrinsics(**body["intrinsics"]),
-                serial=str(body["serial"]),
-                n=int(body["n"]),
-                rmse=float(body["rmse"]),
-                residuals=tuple(float(v) for v in body["residuals"]),
-                mount=mount,
-                date=str(body["date"]),
-            )
+            transform = np.array(body[_KEYS[mount]], dtype=np.float64)
+            intrinsics = Intrinsics(**body["intrinsics"])
+            made = cls(transform, intrinsics, str(body["serial"]), float(body["rmse"]), mount)
         except (KeyError, TypeError, ValueError) as error:
             raise RobotError(
                 f"The calibration {path} lacks or has a wrong {error}. Calibrate again."
             ) from error
-        if serial and calibration.serial != serial:
+        if serial and made.serial != serial:
             raise RobotError(
-                f"The calibration {path} is for camera '{calibration.serial}', but the camera in use is '{serial}'. "
+                f"The calibration {path} is for camera '{made.serial}', but the camera in use is '{serial}'. "
                 "Calibrate this one, or plug in the other."
             )
-        return calibration
-
-
-@dataclass(frozen=True)
-class Recording:
-    """Pose pairs (N, 4, 4) of one camera, each taken at rest: ``base_from_tcp`` by the robot's joints and
-    ``camera_from_target`` as seen.
-    """
-
-    base_from_tcp: FloatArray
-    camera_from_target: FloatArray
-    intrinsics: Intrinsics
-    serial: str
-    mount: Mount = "eye_to_hand"
-
-
-def load_recording(path: Path) -> Recording:
-    """Read ``mount``, ``serial``, ``intrinsics`` and ``pairs`` of a JSON file.
-
-    Raises :class:`RobotError` that names the file and the pair.
-    """
-    body = _read(path)
-    mount = body.get("mount", "eye_to_hand")
-    if mount not in _KEYS:
-        raise RobotError(f"{path}: mount is {mount!r}; it is one of {', '.join(_KEYS)}.")
-    where = str(path)
-    try:
-        intrinsics, serial = Intrinsics(**body["intrinsics"]), str(body["serial"])
-        poses: dict[str, list[FloatArray]] = {"base_from_tcp": [], "camera_from_target": []}
-        for index, pair in enumerate(body["pairs"]):
-            where = f"{path}: pair {index}"
-            for name, some in poses.items():
-                some.append(check_rigid(np.array(pair[name]), name))
-    except (KeyError, TypeError, ValueError) as error:
-        raise RobotError(
-            f"{where} lacks or has a wrong {error}. A recording has intrinsics, serial and pairs of base_from_tcp and "
-            "camera_from_target, matrices (4, 4)."
-        ) from error
-    hands, targets = (np.array(some).reshape(-1, 4, 4) for some in poses.values())
-    return Recording(hands, targets, intrinsics, serial, mount)
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        body = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise RobotError(f"{path} can't be read as JSON: {error}.") from error
-    if not isinstance(body, dict):
-        raise RobotError(f"{path} must be one JSON object.")
-    return body
-
-
-@dataclass(frozen=True)
-class Solution:
-    """``transform`` (4, 4) is base_from_camera, or tcp_from_camera for an eye in the hand.
-
-    ``shifts`` (N,) metres and ``turns`` (N,) radians are each pair's deviations from the mean constant; ``rmse`` is the
-    root mean square of the shifts, metres.
-    """
-
-    transform: FloatArray
-    shifts: FloatArray
-    turns: FloatArray
-
-    @property
-    def rmse(self) -> float:
-        """Metres."""
-        return float(np.sqrt(np.mean(self.shifts**2)))
-
-
-def solve(recording: Recording) -> Solution:
-    """Where the camera stands; raises :class:`RobotError` for too few pairs, and for poses that are too similar."""
-    hands, targets = recording.base_from_tcp, recording.camera_from_target
-    if len(hands) < FEWEST_PAIRS:
-        raise RobotError(f"Hand-eye calibration needs at least {FEWEST_PAIRS} pose pairs, got {len(hands)}.")
-    _check_variety(hands, "hand")
-    _check_variety(targets, "target, as the camera sees it,")
-    if recording.mount == "eye_to_hand":  # an eye in a hand that moves the other way round
-        hands = np.array([invert_rigid(hand) for hand in hands])
-    transform = _refined(_closed_form(hands, targets), hands, targets)
-    constants = hands @ transform @ targets
-    mean = _mean(constants)
-    turns = Rotation.from_matrix(mean[:3, :3].T @ constants[:, :3, :3]).magnitude()
-    return Solution(transform, np.linalg.norm(constants[:, :3, 3] - mean[:3, 3], axis=1), np.asarray(turns))
-
-
-def _closed_form(hands: FloatArray, targets: FloatArray) -> FloatArray:
-    """The unknown (4, 4) with ``hand unknown target`` constant."""
-    import cv2
-
-    rotation, shift = cv2.calibrateHandEye(
-        list(hands[:, :3, :3]), list(hands[:, :3, 3]), list(targets[:, :3, :3]), list(targets[:, :3, 3]),
-        method=cv2.CALIB_HAND_EYE_PARK,
-    )  # fmt: skip
-    if not np.isfinite(rotation).all():
-        raise RobotError("No transform was found: are the poses of hand and target of the same moments?")
-    return rigid(rotation, np.ravel(shift))
-
-
-def _check_variety(poses: FloatArray, what: str) -> None:
-    """Turns about one axis only leave the calibration open along that axis."""
-    between = np.array([b @ a.T for a, b in combinations(poses[:, :3, :3], 2)])
-    turns = Rotation.from_matrix(between).as_rotvec()
-    # radians along each axis of turning
-    spread = np.linalg.svd(turns, compute_uv=False) / np.sqrt(len(turns))
-    if spread[1] < SMALLEST_TURN / 2.0:
-        raise RobotError(
-            f"The {what} was turned by {np.degrees(spread[1]):.1f} degrees about its second axis; turn it by 15 "
-            "or more about two axes between the pictures, and calibrate again."
-        )
-
-
-def _refined(start: FloatArray, hands: FloatArray, targets: FloatArray) -> FloatArray:
-    """Least squares over the unknown and the constant, shifts in metres, turns at a lever of 0.3 m."""
-    first = _mean(hands @ start @ targets)
-
-    def moved(pose: FloatArray, x: FloatArray) -> FloatArray:
-        return pose @ rigid(Rotation.from_rotvec(x[:3]).as_matrix(), x[3:])
-
-    def residuals(x: FloatArray) -> FloatArray:
-        error = invert_rigid(moved(first, x[6:])) @ hands @ moved(start, x[:6]) @ targets
-        turns = Rotation.from_matrix(error[:, :3, :3]).as_rotvec()
-        return np.concatenate([error[:, :3, 3], _LEVER * turns]).ravel()
-
-    return moved(start, least_squares(residuals, np.zeros(12), method="lm").x[:6])
-
-
-def _mean(poses: FloatArray) -> FloatArray:
-    rotation = Rotation.from_matrix(poses[:, :3, :3]).mean().as_matrix()
-    return rigid(rotation, poses[:, :3, 3].mean(axis=0))
+        return made

@@ -12,7 +12,6 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.options import TaskConfig
 from gvla2.robot.placing import distinct, planar, sample_root
-from gvla2.robot.scan import mesh_library, scanned_body, spoken
 from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite
 
@@ -30,7 +29,7 @@ MASS = 0.08
 def cluttered(task: Task, config: object) -> Task:
     """The task with the distractors that its options ask for; the task itself if there are none.
 
-    Raises :class:`ConfigurationError` for an invalid number, and a folder without meshes.
+    Raises :class:`ConfigurationError` for an invalid number.
     """
     if not isinstance(config, TaskConfig) or config.distractors == 0:
         return task
@@ -44,7 +43,6 @@ class Cluttered:
         if not 0 <= config.distractors <= MOST:
             raise ConfigurationError(f"task.distractors is {config.distractors}; it is 0 to {MOST}.")
         self.__wrapped__, self._config, self.instructions = task, config, task.instructions
-        self._library = mesh_library(config.distractors_root) if config.distractors_root else {}
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
@@ -76,10 +74,6 @@ class Cluttered:
         """A body above the world's origin, at the height of the table."""
         colour = _colour(rng, instance.layout, site)
         turn = float(rng.uniform(-np.pi, np.pi))
-        if self._library:
-            chosen = list(self._library)[int(rng.integers(len(self._library)))]
-            pose, path = planar((0.0, 0.0), 0.0, turn), self._library[chosen]
-            return _on_table(scanned_body(path, name, pose, mass=MASS, label=spoken(chosen)), site)
         kinds = _kinds(instance.layout)
         kind = kinds[int(rng.integers(len(kinds)))]
         broad, deep, tall = rng.uniform((0.03, 0.03, 0.04), (0.06, 0.06, 0.12)).tolist()

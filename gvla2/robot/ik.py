@@ -376,12 +376,15 @@ class InverseKinematics:
         found.sort(key=lambda s: _cost(s, near))
         return found[:count]
 
-    def line(self, start: FloatArray, target: FloatArray, step: float) -> list[FloatArray] | None:
-        """Joints (dof,) from ``start`` to the tool pose ``target`` (4, 4): position linear, rotation by slerp.
+    def line(
+        self, start: FloatArray, world_from_tcp: FloatArray, step: float = 0.01
+    ) -> list[FloatArray] | None:
+        """Joints (dof,) from ``start`` to a tool pose (4, 4): position linear, rotation by slerp.
 
         Points are at most ``step`` metres apart, closer where a joint swings fast. None when the line leaves the arm's
         reach or its joint limits, or when a joint would have to jump.
         """
+        target, start = check_rigid(world_from_tcp, "target pose"), np.asarray(start, dtype=np.float64)
         pin, begin = library("pinocchio"), self._kinematics.forward(start)
         shift = target[:3, 3] - begin[:3, 3]
         turn = pin.log3(target[:3, :3] @ begin[:3, :3].T)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -19,9 +19,6 @@ from gvla2.perception.scans import corners_of, scan_files
 
 if TYPE_CHECKING:
     from gvla2.robot.task import Body
-
-MOST_FACES = 100_000
-"""Most faces of a solid; a finer mesh is simplified, its texture becomes one colour per face."""
 
 HUGE, MILLIMETRE = 3.0, 1e-3
 """A mesh with a longest side above this many metres is read as millimetres, unless its scale is given."""
@@ -68,7 +65,12 @@ class Scan:
     @cached_property
     def face_colours(self) -> FloatArray:
         """(F, 3) colour of each face's middle, in [0, 1], with its texture."""
-        return _face_colours(self.textured, self.texture)
+        colours = np.asarray(self.textured.rgb.mean(axis=1), dtype=np.float64)
+        if self.texture is None:
+            return colours
+        areas = self.textured.mesh.areas
+        middles = np.full((len(areas), 3), 1 / 3)
+        return np.asarray(colours * self.texture.at(np.arange(len(areas)), middles, np.sqrt(areas)))
 
     @cached_property
     def hull(self) -> FloatArray:
@@ -82,7 +84,6 @@ def read_scan(path: str | os.PathLike[str], scale: float | None = None) -> Scan:
 
     * millimetres: a mesh longer than :data:`HUGE` is taken to be in millimetres when ``scale`` is None;
     * inside out: with a negative volume, its faces are flipped;
-    * too fine: beyond :data:`MOST_FACES` it is simplified by vertex clustering, each face keeping its colour;
     * no texture: vertex colours, the material's colour, or grey.
 
     Raises :class:`ConfigurationError` for a scale that is not positive or an object of impossible size, and
@@ -114,38 +115,7 @@ def _read(source: Path, scale: float | None, changed: int) -> Scan:
     if mesh.volume < 0:
         mesh = TriangleMesh(mesh.vertices, mesh.faces[:, ::-1], mesh.colours)
         textured = replace(textured, mesh=mesh, uv=textured.uv[:, ::-1], rgb=textured.rgb[:, ::-1])
-    if len(mesh.faces) > MOST_FACES:
-        textured = _thinned(textured, MOST_FACES)
     return Scan(textured, offset, str(source), factor)
-
-
-def _face_colours(textured: TexturedMesh, texture: Texture | None) -> FloatArray:
-    """(F, 3) colour of each face's middle, in [0, 1]."""
-    colours = np.asarray(textured.rgb.mean(axis=1), dtype=np.float64)
-    if texture is None:
-        return colours
-    count = len(textured.mesh.faces)
-    wide = np.sqrt(textured.mesh.areas)
-    return np.asarray(colours * texture.at(np.arange(count), np.full((count, 3), 1 / 3), wide))
-
-
-def _thinned(textured: TexturedMesh, most: int) -> TexturedMesh:
-    """Vertices of one cell are merged, cells as fine as ``most`` faces allow; each face keeps its own colour."""
-    colours = _face_colours(textured, Texture.of(textured)).astype(np.float32)
-    mesh = textured.mesh
-    cell = np.sqrt(2.0 * mesh.areas.sum() / most)
-    while True:
-        coarse, kept = mesh.clustered(cell)
-        if len(kept) <= most:
-            break
-        cell *= 1.15
-    return TexturedMesh(
-        coarse,
-        np.zeros((len(kept), 3, 2), dtype=np.float32),
-        np.full(len(kept), -1, dtype=np.int64),
-        np.repeat(colours[kept][:, None], 3, axis=1),
-        (),
-    )
 
 
 def scanned_body(
@@ -179,31 +149,24 @@ def scanned_body(
     return Body(name, (scan,), world_from_body, mass, False, friction, label or name, shape)
 
 
-def mesh_library(root: str | os.PathLike[str]) -> dict[str, Path]:
-    """The mesh of each object in a folder by its name, with underscores: :func:`gvla2.perception.scans.scan_files`."""
-    return {name.replace(" ", "_"): path for name, path in scan_files(root).items()}
+def mesh_library(root: str | os.PathLike[str], names: Sequence[str] = ()) -> dict[str, Path]:
+    """The mesh of each object in a folder by its name, with underscores (:func:`gvla2.perception.scans.scan_files`).
 
-
-def chosen(library: Mapping[str, Path], names: Sequence[str]) -> dict[str, Path]:
-    """The objects of these names, all of them without any; spaces may replace underscores.
-
-    Raises :class:`ConfigurationError` for a name that is unknown or given twice.
+    ``names`` chooses among them; spaces may replace underscores. Raises :class:`ConfigurationError` for one that is
+    unknown or given twice.
     """
-    if not names:
-        return dict(library)
-    plain = {spoken(name): name for name in library}
+    library = {name.replace(" ", "_"): path for name, path in scan_files(root).items()}
     picked: dict[str, Path] = {}
-    for name in names:
-        known = name if name in library else plain.get(spoken(name))
-        if known is None:
+    for name in (one.replace(" ", "_") for one in names):
+        if name not in library:
             hint = did_you_mean(name, library)
             raise ConfigurationError(f"There is no object '{name}'.{hint} Available: {', '.join(library)}.")
-        if known in picked:
+        if name in picked:
             raise ConfigurationError(
-                f"The object '{known}' is named twice; an instruction could not distinguish them."
+                f"The object '{name}' is named twice; an instruction could not distinguish them."
             )
-        picked[known] = library[known]
-    return picked
+        picked[name] = library[name]
+    return picked or library
 
 
 def spoken(name: str) -> str:

@@ -21,11 +21,13 @@ from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.component import Component
 from gvla2.episode.record import EpisodeRecord
+from gvla2.errors import ConformanceError
+from gvla2.geometry.exchange import require, require_type
 from gvla2.plugins.kinds import KINDS, Kind, kind_of
 from gvla2.plugins.manager import fault_of_item, structured
 from gvla2.plugins.registry import load_plugins
 from gvla2.record.tracker import TrackedRun, Tracker, Viewer
-from gvla2.testing.conformance import ConformanceError, allowed, require, require_members, require_type
+from gvla2.testing.conformance import allowed, require_members
 from gvla2.testing.inputs import INSTRUCTION, observation, scene
 from gvla2.testing.language import check_agent, check_language
 from gvla2.testing.memory import (

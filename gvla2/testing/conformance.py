@@ -1,4 +1,4 @@
-"""Shared parts of conformance checks: the assertions that a run makes too, and two more."""
+"""Shared parts of conformance checks, besides the assertions of :mod:`gvla2.geometry.exchange`, as a run makes them."""
 
 from __future__ import annotations
 
@@ -6,19 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from gvla2.errors import ConformanceError
-from gvla2.geometry.exchange import require, require_array, require_rigid, require_share, require_type
+from gvla2.geometry.exchange import require
 from gvla2.plugins.kinds import Kind, kind_of
-
-__all__ = [
-    "ConformanceError",
-    "allowed",
-    "require",
-    "require_array",
-    "require_members",
-    "require_rigid",
-    "require_share",
-    "require_type",
-]
 
 
 def require_members(made: object, kind: str | Kind) -> None:

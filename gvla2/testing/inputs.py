@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import trimesh
@@ -49,8 +50,8 @@ class Gantry:
     """
 
     def __init__(self, workspace: Box, hand: Hand | None = None) -> None:
-        self._workspace = workspace
-        self._hand = hand or Hand(
+        self.workspace = workspace
+        self.hand = hand or Hand(
             max_width=0.08,
             finger_length=0.05,
             finger_thickness=0.015,
@@ -59,22 +60,8 @@ class Gantry:
             palm_breadth=0.2,
             palm_depth=0.06,
         )
-
-    @property
-    def hand(self) -> Hand:
-        """The gripper's geometry, metres."""
-        return self._hand
-
-    @property
-    def home(self) -> FloatArray:
-        """(4,) high above the middle of the workspace."""
-        centre = 0.5 * (self._workspace.low + self._workspace.high)
-        return np.array([centre[0], centre[1], self._workspace.high[2] - 0.1, 0.0])
-
-    @property
-    def workspace(self) -> Box:
-        """The range of the tool centre point."""
-        return self._workspace
+        centre = 0.5 * (workspace.low + workspace.high)
+        self.home: FloatArray = np.array([centre[0], centre[1], workspace.high[2] - 0.1, 0.0])
 
     def forward(self, joints: FloatArray) -> FloatArray:
         """world_from_tcp (4, 4) at joints (4,)."""
@@ -85,13 +72,13 @@ class Gantry:
     def inverse(self, world_from_tcp: FloatArray, near: FloatArray | None = None) -> IKSolution | None:
         """Joints for a pose that points down inside the workspace, else None."""
         approach, closing, position = world_from_tcp[:3, 2], world_from_tcp[:3, 1], world_from_tcp[:3, 3]
-        if 1.0 - approach @ DOWN > TILT or not self._workspace.contains(position):
+        if 1.0 - approach @ DOWN > TILT or not self.workspace.contains(position):
             return None
         turn = float(np.arctan2(-closing[0], closing[1]))
         if near is not None:  # the hand is symmetric: take the nearer half turn
             turn += np.pi * round((float(near[3]) - turn) / np.pi)
         joints = np.array([*position, turn])
-        inside = min((position - self._workspace.low).min(), (self._workspace.high - position).min())
+        inside = min((position - self.workspace.low).min(), (self.workspace.high - position).min())
         return IKSolution(joints, float(inside) + SPARE_TRAVEL, 1.0)
 
     def clearance(
@@ -128,17 +115,13 @@ class Gantry:
 
     def _hand_points(self, gripper: float) -> FloatArray:
         """(N, 3) points on both fingers and the palm, tool frame."""
-        hand = self._hand
-        inner = 0.5 * hand.max_width * gripper
-        points = []
-        for side in (-1.0, 1.0):
-            for y in (inner, inner + hand.finger_thickness):
-                for x in (-0.5 * hand.finger_breadth, 0.5 * hand.finger_breadth):
-                    for z in np.linspace(hand.tip_beyond_tcp - hand.finger_length, hand.tip_beyond_tcp, 4):
-                        points.append((x, side * y, z))
-            for x in (-0.5 * hand.palm_depth, 0.5 * hand.palm_depth):
-                points.append((x, 0.5 * side * hand.palm_breadth, hand.tip_beyond_tcp - hand.finger_length))
-        return np.array(points)
+        hand = self.hand
+        inner, top = 0.5 * hand.max_width * gripper, hand.tip_beyond_tcp - hand.finger_length
+        breadth, across = 0.5 * hand.finger_breadth, (inner, inner + hand.finger_thickness)
+        heights = np.linspace(top, hand.tip_beyond_tcp, 4)
+        fingers = product((-breadth, breadth), (*across, *(-y for y in across)), heights)
+        palm = product((-0.5 * hand.palm_depth, 0.5 * hand.palm_depth), (-0.5, 0.5), (top,))
+        return np.array([*fingers, *((x, y * hand.palm_breadth, z) for x, y, z in palm)])
 
 
 def _distance(points: FloatArray, obj: SceneObject) -> float:

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Output
+from gvla2.geometry.exchange import require, require_type
 from gvla2.language import Completion, LanguageModel, LanguageModelError, Request
-from gvla2.testing.conformance import allowed, require, require_members, require_type
+from gvla2.testing.conformance import allowed, require_members
 
 
 def check_language(model: LanguageModel) -> None:

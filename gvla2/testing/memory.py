@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.candidates import SECONDS_PER_DAY, Candidates, HeldRecord
+from gvla2.geometry.exchange import require, require_array, require_share, require_type
+from gvla2.memory.candidates import Candidates, HeldRecord
 from gvla2.memory.contracts import (
     Embedder,
     Evidence,
@@ -30,17 +31,10 @@ from gvla2.memory.contracts import (
     Verifier,
 )
 from gvla2.memory.embedding import StaticEmbedder
-from gvla2.memory.records import TYPES, Record, dump
+from gvla2.memory.records import SECONDS_PER_DAY, TYPES, Record, dump
 from gvla2.planning.effects import Bound
 from gvla2.testing import inputs
-from gvla2.testing.conformance import (
-    allowed,
-    require,
-    require_array,
-    require_members,
-    require_share,
-    require_type,
-)
+from gvla2.testing.conformance import allowed, require_members
 
 LONGEST_TEXT = 100_000
 """Longest allowed text block for a planner, characters."""
@@ -83,13 +77,14 @@ def _recalled(memory: Memory, task: MemoryTask) -> MemoryContext:
     require(not (context.abstained and context.items), "A memory that abstains recalls nothing.")
     for item in context.items:
         require_share(item.confidence, f"Record '{item.id}': confidence")
-        total = sum(item.terms.values())
-        require(
-            abs(total - item.score) < 1e-6,
-            f"Record '{item.id}': its terms sum to {total:.6f}, its score is {item.score:.6f}.",
-        )
+        _check_terms(f"Record '{item.id}'", item.terms, item.score)
         json.dumps(item.effect)
     return context
+
+
+def _check_terms(what: str, terms: Mapping[str, float], score: float) -> None:
+    total = sum(terms.values())
+    require(abs(total - score) < 1e-6, f"{what}: its terms sum to {total:.6f}, its score is {score:.6f}.")
 
 
 def candidates(
@@ -141,15 +136,8 @@ def _five_records() -> tuple[Candidates, NDArray[np.float32]]:
     table = np.random.default_rng(5).normal(size=(6, 16)).astype(np.float32)
     table[[0, 1]] = table[5] + 0.1 * table[[0, 1]]
     table /= np.linalg.norm(table, axis=1, keepdims=True)
-    contents = (
-        "grasp the cube deep",
-        "lift the red cube slowly",
-        "push the block",
-        "press the button",
-        "grasp deeper",
-    )
     return candidates(
-        contents,
+        ["grasp the cube deep", "lift the red cube slowly", "push it", "press the button", "grasp deeper"],
         queries=["lift the cube", "lift the red cube", "push the block", "switch it on", "lift the cube"],
         vectors=table[:5],
         confidence=[0.9, 0.95, 0.8, 0.3, 0.7],
@@ -174,21 +162,20 @@ def check_retriever(retriever: Retriever) -> None:
         "a query of half a megabyte": (some, MemoryTask("lift\x00 the cube " * 32_000), query),
         "a query in other scripts": (some, MemoryTask("举起方块 \u202e ارفع \ud800"), query),
     }.items():
-        with allowed(f"rank() of {what}"):
+        what = f"rank() of {what}"
+        with allowed(what):
             rows, reason = retriever.rank(words, records, vector)
             again, _ = retriever.rank(words, records, vector)
-        require_type(reason, str, f"rank()'s reason for {what}")
-        require(not (reason and rows), f"rank() of {what}: a retriever that abstains returns no rows.")
-        found, scores = [r.row for r in rows], [r.score for r in rows]
-        require(found == [r.row for r in again], f"rank() of {what}: asked twice, it answers differently.")
-        require(len(set(found)) == len(found), f"rank() of {what}: a row comes twice: {found}.")
-        require(all(0 <= r < len(records) for r in found), f"rank() of {what}: no such row: {found}.")
-        require(np.isfinite(scores).all(), f"rank() of {what}: scores must be finite, got {scores}.")
-        require(scores == sorted(scores, reverse=True), f"rank() of {what}: best first, got {scores}.")
+        require_type(reason, str, f"{what}: the reason")
+        require(not (reason and rows), f"{what}: a retriever that abstains returns no rows.")
+        found, scores = [r.row for r in rows], np.array([r.score for r in rows])
+        require(found == [r.row for r in again], f"{what}: asked twice, it answers differently.")
+        whole = set(found) <= set(range(len(records))) and len(set(found)) == len(found)
+        require(whole, f"{what}: no such row, or one comes twice: {found}.")
+        falling = np.isfinite(scores).all() and (np.diff(scores) <= 0).all()
+        require(falling, f"{what}: scores must be finite, best first, got {scores}.")
         for r in rows:
-            total = sum(r.terms.values())
-            agrees = abs(total - r.score) < 1e-6
-            require(agrees, f"Row {r.row}: terms sum to {total:.6f}, score {r.score:.6f}.")
+            _check_terms(f"Row {r.row}", r.terms, r.score)
 
 
 def check_embedder(embedder: Embedder) -> None:
@@ -204,9 +191,8 @@ def check_embedder(embedder: Embedder) -> None:
     require(table.dtype == np.float32, f"Vectors must be float32, got {table.dtype}.")
     lengths = np.linalg.norm(table, axis=1)
     unit = np.abs(lengths - 1) < 1e-3
-    require(bool(unit[[0, 2, 3]].all()), f"Rows must have length 1, got {lengths[[0, 2, 3]].round(4)}.")
-    require(lengths[1] == 0, f"An empty text gives a zero row, got length {lengths[1]:.4f}.")
-    require(bool((unit | (lengths == 0)).all()), f"Rows have length 1 or zero, got {lengths.round(4)}.")
+    right = unit[[0, 2, 3]].all() and lengths[1] == 0 and (unit | (lengths == 0)).all()
+    require(right, f"Rows have length 1, zero for an empty text, got {lengths.round(4)}.")
     require(np.allclose(table[0], table[3], atol=1e-5), "Equal texts must get equal vectors.")
     require(np.allclose(table[0], alone[0], atol=1e-5), "A vector must not depend on the rest of the batch.")
 

@@ -10,6 +10,7 @@ from math import isfinite
 import numpy as np
 
 from gvla2.errors import PerceptionError
+from gvla2.geometry.exchange import require, require_rigid, require_share, require_type
 from gvla2.geometry.views import Observation, Views
 from gvla2.language.contracts import LanguageModelError
 from gvla2.planning.asking import check_scene, fault_of_plan
@@ -22,14 +23,7 @@ from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
-from gvla2.testing.conformance import (
-    allowed,
-    require,
-    require_members,
-    require_rigid,
-    require_share,
-    require_type,
-)
+from gvla2.testing.conformance import allowed, require_members
 
 
 def check_perceiver(perceiver: Perceiver, *, finds: bool = True) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.exchange import require, require_array, require_rigid, require_type
 from gvla2.geometry.transform import look_along
 from gvla2.reconstruction.contracts import (
     AxisCompensation,
@@ -19,14 +20,7 @@ from gvla2.reconstruction.contracts import (
     Renderer,
 )
 from gvla2.testing import inputs
-from gvla2.testing.conformance import (
-    allowed,
-    require,
-    require_array,
-    require_members,
-    require_rigid,
-    require_type,
-)
+from gvla2.testing.conformance import allowed, require_members
 
 
 def check_reconstructor(reconstructor: Reconstructor) -> None:

@@ -6,6 +6,8 @@ import json
 
 import numpy as np
 
+from gvla2.errors import ConformanceError
+from gvla2.geometry.exchange import require, require_array, require_rigid, require_share, require_type
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
@@ -14,16 +16,7 @@ from gvla2.robot.backend import CameraFrames, DepthCamera, ExecutionListener, Ro
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.solids import lowest
 from gvla2.robot.task import CheckedTask, Layout, Task, TaskInstance, TaskSite
-from gvla2.testing.conformance import (
-    ConformanceError,
-    allowed,
-    require,
-    require_array,
-    require_members,
-    require_rigid,
-    require_share,
-    require_type,
-)
+from gvla2.testing.conformance import allowed, require_members
 
 SEEDS = (0, 1, 17)
 SITE = TaskSite(centre=(0.25, 0.0), size=(0.65, 0.91), table_height=0.752, reachable=lambda point: True)

@@ -11,12 +11,11 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.perception.clusters import connected
+from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.composites import SceneDraft
-from gvla2_plugins.classical.levels import leaning_plate, split_by_height, split_by_top
-from gvla2_plugins.classical.outline import opened
-from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, seen_through
-from gvla2_plugins.classical.segmentation import alike, groups
-from gvla2_plugins.classical.shaping import GOOD, shape_object
+from gvla2_plugins.classical.levels import leaning_plate, split_by_height
+from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, alike, groups, seen_through
+from gvla2_plugins.classical.shaping import GOOD, opened, shape_object
 from gvla2_plugins.classical.solids import THIN, SeenObject
 
 BETWEEN = 0.2  # of the way between them that cameras may seem to look through, where their poses err
@@ -29,18 +28,17 @@ def assemble(
     pixels: Pixels,
     labels: IntArray,
     bodies: IntArray,
-    min_points: int,
-    gap: float,
-    reach: float,
+    config: ClassicalConfig,
     hand: FloatArray,
 ) -> list[SeenObject]:
     """Solids of the labelled pixels (N,), -1 for none; what carries each is set.
 
     ``bodies`` (N,) labels those of textured bodies, each one object, and is -1 elsewhere. ``hand`` (3,) is the point
-    between the fingertips: what is there may hang in the air. ``reach``: metres between two fragments of one object.
+    between the fingertips: what is there may hang in the air.
     """
+    gap, min_points = config.gap, config.min_points
     objects = [shape_object(frames, pixels, members, gap) for members in groups(labels, min_points)]
-    objects = _join_fragments(frames, pixels, _absorb(pixels, objects), gap, reach)
+    objects = _join_fragments(frames, pixels, _absorb(pixels, objects), gap, config.fragment_reach)
     parts: list[SeenObject] = []
     for group, obj in enumerate(objects):
         taken = _take_apart(frames, pixels, obj, min_points, gap)
@@ -107,24 +105,10 @@ def _take_apart(
         return [obj]
     if (plate := leaning_plate(obj)) is not None:
         return [plate]
-    least = max(12, min_points // 2)
-    for split, fits in ((split_by_top, _side_by_side), (split_by_height, lambda _: True)):
-        cuts = split(obj.points, least)
-        if len(cuts) < 2:
-            continue
-        parts = _absorb(pixels, [shape_object(frames, pixels, obj.members[cut], gap) for cut in cuts])
-        weight = np.array([len(p.members) for p in parts], dtype=np.float64)
-        better = float(weight @ [p.agreement for p in parts]) / weight.sum()
-        if better > obj.agreement + 0.05 and fits(parts):
-            return parts
-    return [obj]
-
-
-def _side_by_side(parts: Sequence[SeenObject]) -> bool:
-    """Whether each part is a solid of its own and none is over another: a post stands on its foot, not beside it."""
-    explained = all(p.kind != "other" and p.agreement >= GOOD and not p.floating for p in parts)
-    over = any(p.covers(q.centre[None, :2])[0] for p in parts for q in parts if p is not q)
-    return explained and not over
+    cuts = split_by_height(obj.points, max(12, min_points // 2))
+    parts = _absorb(pixels, [shape_object(frames, pixels, obj.members[cut], gap) for cut in cuts])
+    explained = np.average([p.agreement for p in parts], weights=[len(p.members) for p in parts])
+    return parts if len(cuts) > 1 and explained > obj.agreement + 0.05 else [obj]
 
 
 def rest_on_each_other(objects: Sequence[SeenObject], hand: FloatArray) -> list[SeenObject]:

@@ -9,8 +9,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.levels import lean_of, leant
-from gvla2_plugins.classical.pixels import Pixels
-from gvla2_plugins.classical.segmentation import alike
+from gvla2_plugins.classical.pixels import Pixels, alike
 from gvla2_plugins.classical.solids import THIN, SeenObject, upright_rectangle
 
 
@@ -230,7 +229,6 @@ HOVER = 0.05  # metres between a vessel and a head on a neck that is not seen
 SLIM = 0.045  # metres: what is no wider can be a stick, a grip, a neck
 WITHIN = 0.006  # metres inside a wall where a seen point shows that the object is hollow
 LONG = 1.6  # what is longer, in its breadths, closes nothing round
-FAR_SIDE = 0.008  # metres beside a neck where a piece of it may seem to be
 SEAM = 0.003  # metres: a gap that is no greater is none
 
 
@@ -373,7 +371,6 @@ def _line(draft: SceneDraft, k: int) -> list[int]:
         neck = under != k and draft.objects[under].spans[:2].max() < 0.6 * wide
         head = (aloft and vessel.kind == "cylinder") or (neck and width.max() < 1.5 * max(vessel.spans[:2]))
         straight = _in_line(piece, vessel, AXIS)
-        straight |= own and bool(vessel.covers(piece.points[:, :2], FAR_SIDE).mean() > 0.8)
         if straight and (own or narrow or head or _covers(draft, j, under)):
             line.append(j)
             under = j

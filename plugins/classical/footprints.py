@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from gvla2.geometry.transform import FloatArray
 from gvla2.perception.clusters import without_specks
+from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.pixels import (
     IntArray,
     Pixels,
     TableFrame,
     appearance_of,
     choose,
+    groups,
+    join_across_views,
+    pieces_in_views,
     plane_crossings,
 )
-from gvla2_plugins.classical.segmentation import groups, join_across_views, pieces_in_views
 from gvla2_plugins.classical.solids import (
+    Kind,
     SeenObject,
     box_distance,
     cylinder_distance,
     evenly,
     fit_solid,
     narrow_yaw,
-    upright_rectangle,
+    solid,
 )
 
 # Metres and radians about the rectangle of the points, for a fit of one.
@@ -35,29 +38,17 @@ ROOM = np.array([0.015, 0.015, 0.1, 0.015, 0.015, 1.0, 1.0])
 MOST = 700  # points of each kind
 
 
-@dataclass(frozen=True)
-class Footprint:
-    """``round`` or not; ``middle`` (2,), ``yaw``, ``lengths`` (2,) in the table's frame, metres and radians;
-    ``agreement`` in [0, 1] as of :class:`~gvla2_plugins.classical.solids.SolidFit`.
-    """
-
-    round: bool
-    middle: FloatArray
-    yaw: float
-    lengths: FloatArray
-    agreement: float
-
-
-def footprint_of(
+def flat_object(
     frames: Sequence[TableFrame],
     pixels: Pixels,
     members: IntArray,
     bare: Sequence[NDArray[np.bool_]],
-    height: float = 0.0,
-) -> Footprint:
-    """The outline of the flat object of the pixels ``members`` (N,) that lies ``height`` metres above the table.
+    top: float = 0.0,
+) -> SeenObject:
+    """The flat object of the pixels ``members`` (N,), as a box or a cylinder from the table to ``top`` metres.
 
-    ``bare`` (H, W), one a frame, are pixels that show what is not of it.
+    Its outline runs between its own points and those seen beside it, half way up: ``bare`` (H, W), one a frame, are
+    pixels that show what is not of it.
     """
     points = pixels.points[members]
     outside = [np.zeros((0, 3))]
@@ -66,7 +57,7 @@ def footprint_of(
         own = np.zeros(mask.shape, dtype=bool)
         own[pixels.row[mine], pixels.column[mine]] = True
         rows, columns = np.nonzero(binary_dilation(own, iterations=2) & mask & ~own)
-        outside.append(plane_crossings(frame, rows, columns, height))
+        outside.append(plane_crossings(frame, rows, columns, 0.5 * top))
     beside = evenly(np.concatenate(outside), MOST)
     yaw, middle, lengths = narrow_yaw(points[:, :2], trim=0.2)
     seen = evenly(points, MOST)
@@ -82,12 +73,9 @@ def footprint_of(
             distance, start, seen, beside, hold=(-2, -1), limits=limits, filled=True, tolerance=0.004
         )
         fits.append(fitted)
-    square, *disc = fits
-    if disc and disc[0].cost < 0.5 * square.cost:
-        cx, cy, width = disc[0].parameters[:3]
-        return Footprint(True, np.array([cx, cy]), 0.0, np.array([width, width]), disc[0].agreement)
-    cx, cy, yaw, *sides = square.parameters[:5]
-    return Footprint(False, np.array([cx, cy]), float(yaw), np.array(sides), square.agreement)
+    kind: Kind = "cylinder" if may_be_round and fits[-1].cost < 0.5 * fits[0].cost else "box"
+    fit = fits[-1 if kind == "cylinder" else 0]
+    return solid(kind, pixels, members, [*fit.parameters[:-2], max(top, PAINT), 0.0], fit.agreement)
 
 
 OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's has paint on it
@@ -119,19 +107,21 @@ def find_patches(
     frames: Sequence[TableFrame],
     painted: Sequence[NDArray[np.bool_]],
     bare: Sequence[NDArray[np.bool_]],
-    min_region: float,
-    min_points: int,
-    colour_step: float,
+    config: ClassicalConfig,
 ) -> tuple[Pixels, list[SeenObject]]:
     """Patches among the ``painted`` table pixels; ``bare`` ones show the table itself; one (H, W) a frame each."""
     pixels = choose(frames, [without_specks(mask) for mask in painted], on_plane=True)
     if len(pixels) == 0:
         return pixels, []
-    pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * colour_step)
+    pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * config.colour_step)
     labels = join_across_views(pixels, pieces, REACH)
     # On wood or stone most are a seam or a knot: the slow fit is for those that may be large enough.
-    large = [members for members in groups(labels, min_points) if _may_be(pixels, members, min_region)]
-    fitted = [_fit(frames, pixels, members, bare) for members in large]
+    large = [
+        members
+        for members in groups(labels, config.min_points)
+        if _may_be(pixels, members, config.min_region)
+    ]
+    fitted = [_patch(frames, pixels, members, bare) for members in large]
     patches: list[SeenObject] = []
     for patch in sorted(fitted, key=lambda p: -p.extents.prod()):
         sides, look = patch.extents[:2], np.median(pixels.look[patch.members], axis=0)
@@ -141,7 +131,7 @@ def find_patches(
             and np.linalg.norm(look - np.median(pixels.look[whole.members], axis=0)) < ONE_PAINT
             for whole in patches
         )
-        if sides.prod() >= min_region and sides.min() >= NARROW and not piece:
+        if sides.prod() >= config.min_region and sides.min() >= NARROW and not piece:
             patches.append(patch)
     return pixels, patches
 
@@ -152,16 +142,10 @@ def _may_be(pixels: Pixels, members: IntArray, min_region: float) -> bool:
     return bool(sides.prod() >= min_region and sides.min() >= NARROW)
 
 
-def _fit(
+def _patch(
     frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, bare: Sequence[NDArray[np.bool_]]
 ) -> SeenObject:
-    outline = footprint_of(frames, pixels, members, bare)
-    (width, depth), yaw = outline.lengths, outline.yaw
-    noun = "circle"
-    if not outline.round:
-        yaw, width, depth = upright_rectangle(yaw, width, depth)
-        noun = "square" if depth > 0.85 * width else "patch"
-    centre, extents = np.array([*outline.middle, 0.5 * PAINT]), np.array([width, depth, PAINT])
-    return SeenObject(
-        "region", members, pixels.points[members], centre, yaw, extents, outline.agreement, noun=noun
-    )
+    flat = flat_object(frames, pixels, members, bare)
+    width, depth, _ = flat.extents
+    noun = "circle" if flat.kind == "cylinder" else "square" if depth > 0.85 * width else "patch"
+    return replace(flat, kind="region", noun=noun)

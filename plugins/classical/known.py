@@ -7,22 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import Views
 from gvla2.perception.clusters import without_specks
-from gvla2.perception.fitting import sights_of
+from gvla2.perception.fitting import Sights, sights_of
+from gvla2.perception.fixtures import spread
 from gvla2.perception.gallery import AROUND, FLOATS, MOSTLY, Gallery, Recognised, on_scan
 from gvla2.perception.labels import Labeller
+from gvla2.perception.objects import MOST_POINTS
 from gvla2.planning.scene import SceneObject
-from gvla2_plugins.classical.naming import MOST_POINTS
-from gvla2_plugins.classical.pixels import TableFrame, choose
-from gvla2_plugins.classical.segmentation import bodies_of, groups
+from gvla2_plugins.classical.pixels import TableFrame, bodies_of, choose, groups
 from gvla2_plugins.classical.solids import evenly
 
 LAYERS = 2  # how often bodies are looked at: what one known object leaves unexplained may be another
 APART = 0.05  # metres between two pieces of one object, and between their heights
+FEW = 0.15  # share of two objects' pixels that may be on neither
 WHOLE = 0.8  # share of a body's pixels on a scan from which the rest are its edges
 
 
@@ -67,14 +69,19 @@ def known_objects(
                     if other is not None:
                         unknown = [m for m in unknown if m is not other]
                         bodies.insert(0, np.concatenate([members, other]))
-                    else:
+                        continue
+                    pair = _two(gallery, points[members], pixels.rgb[members], sights, height)
+                    if not pair:
                         unknown.append(members)
-                    continue
-                own, mine = body.explains(points), np.zeros(len(points), dtype=bool)
-                mine[members] = own[members] | (not body.stacked and own[members].mean() > WHOLE)
-                found.append((body, mine))
-                accepted.append(body)
-                explained |= own | mine
+                else:
+                    pair = [(body, np.ones(len(members), dtype=bool))]
+                for one, of_it in pair:
+                    own, mine = one.explains(points), np.zeros(len(points), dtype=bool)
+                    its = members[of_it]
+                    mine[its] = own[its] | (not one.stacked and own[its].mean() > WHOLE)
+                    found.append((one, mine))
+                    accepted.append(one)
+                    explained |= own | mine
         for one, mine in found:
             explained |= one.explains(points)
             whole = replace(one.object, id=f"known{len(known)}", points=evenly(points[mine], MOST_POINTS))
@@ -96,6 +103,27 @@ def _remainder(obj: SceneObject, points: FloatArray, known: Sequence[Recognised]
         or on_scan(one.fit, points, AROUND).mean() > MOSTLY
         for one in known
     )
+
+
+def _two(
+    gallery: Gallery, points: FloatArray, rgb: FloatArray, sights: Sights, table: float
+) -> list[tuple[Recognised, NDArray[np.bool_]]]:
+    """Two known objects that touch and together explain a body: points (N, 3), and which (N,) are of each; or none."""
+    plan = spread(points)[:, :2]
+    middle = plan.mean(axis=0)
+    along = np.linalg.svd(plan - middle, full_matrices=False)[2][0] * plan.std()
+    ends = kmeans2(plan, np.stack([middle - along, middle + along]), minit="matrix")[0]
+    nearer = np.linalg.norm(points[:, None, :2] - ends, axis=2).argmin(axis=1)
+    for part in (nearer == 0, nearer == 1):
+        one = gallery.recognise(points[part], rgb[part], sights, table)
+        if one is None:
+            continue
+        of_one = one.explains(points)
+        rest = ~of_one
+        other = gallery.recognise(points[rest], rgb[rest], sights, table) if rest.mean() > FEW else None
+        if other is not None and (rest & ~other.explains(points)).mean() < FEW:
+            return [(one, of_one), (other, rest)]
+    return []
 
 
 def _beside(one: FloatArray, other: FloatArray, table: float) -> bool:

@@ -15,10 +15,10 @@ from gvla2.geometry.views import Observation, Views
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.frames import check_workspace
 from gvla2.perception.labels import labelled
-from gvla2.perception.objects import new_ids, numbered, over_workspace
+from gvla2.perception.objects import MOST_POINTS, colour_word, new_ids, numbered, over_workspace, true_colour
 from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed, find_table
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import Box, Scene, SceneObject, Shape
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble, join_overlapping
 from gvla2_plugins.classical.composites import (
@@ -31,19 +31,20 @@ from gvla2_plugins.classical.composites import (
 )
 from gvla2_plugins.classical.footprints import find_patches, unlike_table
 from gvla2_plugins.classical.known import known_objects
-from gvla2_plugins.classical.naming import described
-from gvla2_plugins.classical.pixels import Pixels, TableFrame, choose, usable_frames
-from gvla2_plugins.classical.segmentation import (
-    LAYER,
+from gvla2_plugins.classical.pixels import (
+    Pixels,
+    TableFrame,
     bodies_of,
+    choose,
     grow_down,
     join_across_views,
     join_in_bodies,
     pieces_in_views,
     settle_layers,
     textured,
+    usable_frames,
 )
-from gvla2_plugins.classical.solids import SeenObject
+from gvla2_plugins.classical.solids import SeenObject, evenly
 
 BORDER = 0.06  # metres around the workspace that are looked at too: what stands on its edge is seen whole
 WHOLES = (join_lids, join_fronts, join_stems, name_knives, join_bottles)
@@ -88,8 +89,7 @@ class ClassicalPerceiver:
         # The table's frame has its origin under the middle of the workspace.
         half = 0.5 * (workspace.high - workspace.low)[:2]
         room = np.array([*half + BORDER, workspace.high[2] - height])
-        known, pixels, objects, painted, patches = self._find(frames, views, height, table.noise, room, hand)
-        named = described(pixels, objects, "object") + described(painted, patches, "patch")
+        known, objects, named = self._find(frames, views, height, table.noise, room, hand)
         back = invert_rigid(table_from_world)
         world = [
             replace(o, world_from_object=back @ o.world_from_object, points=transform_points(back, o.points))
@@ -111,30 +111,19 @@ class ClassicalPerceiver:
         noise: float,
         room: FloatArray,
         hand: FloatArray,
-    ) -> tuple[list[SceneObject], Pixels, list[SeenObject], Pixels, list[SeenObject]]:
+    ) -> tuple[list[SceneObject], list[SeenObject], list[SceneObject]]:
+        """Known objects in the world; the others as solids, and with patches as objects in the table's frame."""
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
-        with np.errstate(invalid="ignore"):
-            near = [np.abs(frame.points) < room for frame in frames]
-            above = [frame.points[..., 2] > rise for frame in frames]
-        inside = [one[..., 0] & one[..., 1] & one[..., 2] for one in near]
-        raised = [without_specks(near & high) for near, high in zip(inside, above, strict=True)]
-        flat = [
-            near & ~high & (frame.points[..., 2] >= -rise)
-            for frame, near, high in zip(frames, inside, above, strict=True)
-        ]
-        # The height of a speck is not believed: it may be of a layer, but is no paint on its own.
-        specks = [
-            near & high & ~up & (frame.points[..., 2] < LAYER[1] * rise)
-            for frame, near, high, up in zip(frames, inside, above, raised, strict=True)
-        ]
-        different = [
-            unlike_table(f, mask | speck) for f, mask, speck in zip(frames, flat, specks, strict=True)
-        ]
+        raised, flat, different = [], [], []
+        for frame in frames:
+            with np.errstate(invalid="ignore"):
+                near, high = (np.abs(frame.points) < room).all(axis=-1), frame.points[..., 2] > rise
+                flat.append(near & ~high & (frame.points[..., 2] >= -rise))
+            raised.append(without_specks(near & high))
+            different.append(unlike_table(frame, flat[-1]))
         reach = 0.004 + 1.5 * noise
-        layer = rise, noise, reach, config.jump, config.colour_step, config.min_points
-        raised, different = settle_layers(frames, raised, different, *layer)
-        different = [paint & ~speck for paint, speck in zip(different, specks, strict=True)]
+        raised, different = settle_layers(frames, raised, different, rise, reach, config)
         flat = [mask | other for mask, other in zip(flat, different, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         connected = config.jump, reach, config.min_points
@@ -150,23 +139,17 @@ class ClassicalPerceiver:
             rough = np.append(textured(pixels, bodies, config.jump, grain, config.textured), False)[bodies]
             labels[rough] = -1
             fine = np.where(rough, bodies, -1)
-            objects = assemble(
-                frames, pixels, labels, fine, config.min_points, config.gap, config.fragment_reach, hand
-            )
-            overlapping = partial(
-                join_overlapping, frames=frames, pixels=pixels, bodies=bodies, gap=config.gap
-            )
-            objects = put_together(pixels, objects, (*WHOLES, overlapping))
+            objects = assemble(frames, pixels, labels, fine, config, hand)
+            overlap = partial(join_overlapping, frames=frames, pixels=pixels, bodies=bodies, gap=config.gap)
+            objects = put_together(pixels, objects, (*WHOLES, overlap))
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
-        painted, patches = find_patches(
-            frames, paint, bare, config.min_region, config.min_points, config.colour_step
-        )
+        painted, patches = find_patches(frames, paint, bare, config)
         # What is seen flat on the table inside a hollow object is its floor.
         patches = [
             p for p in patches if not any(t.hollow and t.covers(p.centre[None, :2])[0] for t in objects)
         ]
-        return known, pixels, objects, painted, patches
+        return known, objects, described(pixels, objects, "object") + described(painted, patches, "patch")
 
 
 def _grain(frame: TableFrame, flat: NDArray[np.bool_]) -> float:
@@ -191,3 +174,124 @@ def _carried_notes(objects: Sequence[SeenObject], ids: dict[str, str]) -> list[s
         if own and obj.guessed:
             notes.append(f"How deep {own} is was not seen; it is taken to be as deep as wide.")
     return sorted(notes)
+
+
+def described(pixels: Pixels, objects: Sequence[SeenObject], prefix: str) -> list[SceneObject]:
+    """Objects in the table's frame, with ids and parents of their places in the list, behind ``prefix``."""
+    belongs = parents(objects)
+    named = []
+    for k, obj in enumerate(objects):
+        rgb = true_colour(pixels.rgb[obj.members])
+        colour, sure = colour_word(rgb)
+        seen = 0.8 * obj.agreement if obj.guessed else obj.agreement
+        named.append(
+            SceneObject(
+                f"{prefix}{k}",
+                f"{colour} {noun_for(obj, objects, belongs[k])}",
+                shape_of(obj),
+                colour,
+                obj.pose,
+                obj.extents,
+                evenly(obj.points, MOST_POINTS),
+                rgb,
+                parent=f"{prefix}{belongs[k]}" if belongs[k] >= 0 else "",
+                confidence=round(float(np.clip(seen, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3),
+                opening=obj.opening,
+            )
+        )
+    return named
+
+
+def shape_of(obj: SeenObject) -> Shape:
+    """The scene's coarse shape."""
+    width, depth, height = obj.extents
+    if obj.noun == "ring":
+        return "ring"
+    if obj.kind == "box" and height < 0.025 and height < 0.3 * min(width, depth):
+        return "plate"
+    if obj.kind == "cylinder" and height < 0.6 * width:
+        return "disc"
+    return obj.kind
+
+
+def is_button(obj: SeenObject, carrier: SeenObject | None) -> bool:
+    """A small raised object on a wider one, flat enough to be pushed."""
+    if carrier is None or obj.floating:
+        return False
+    small = max(obj.extents[:2]) < 0.055 and obj.extents[2] < min(0.035, 1.2 * min(obj.extents[:2]))
+    return bool(small and obj.extents[:2].prod() < 0.7 * carrier.extents[:2].prod())
+
+
+def is_post(obj: SeenObject) -> bool:
+    """Slender and upright."""
+    return bool(obj.extents[2] > 3.5 * max(obj.extents[:2]) and max(obj.extents[:2]) < 0.05)
+
+
+def is_held_up(obj: SeenObject, carrier: SeenObject | None) -> bool:
+    """Up on a post, seen or too thin to be seen."""
+    if carrier is None:
+        return False
+    return is_post(carrier) or (obj.floating and obj.bottom > carrier.top + 0.01)
+
+
+def parents(objects: Sequence[SeenObject]) -> list[int]:
+    """Index of the object that each is a part of, or -1.
+
+    A button belongs to what it stands on, a post on a foot to the foot, what is held up to what the post belongs
+    to, and what a split by height made to the lowest of its parts. What is already known to be a part, or to be an
+    object of its own, stays that. Parts of parts belong to the whole, save a button's own housing.
+    """
+    found = [_parent(objects, k) for k in range(len(objects))]
+    for k, obj in enumerate(objects):
+        for _ in range(len(objects) if obj.part_of < 0 else 0):
+            above = found[found[k]] if found[k] >= 0 else -1
+            if above < 0 or is_button(obj, objects[found[k]]):
+                break
+            found[k] = above
+    return found
+
+
+def _parent(objects: Sequence[SeenObject], k: int) -> int:
+    obj = objects[k]
+    if obj.part_of >= 0 or obj.noun or obj.textured:
+        return obj.part_of
+    carrier = objects[obj.on] if obj.on >= 0 else None
+    if carrier is not None and (is_button(obj, carrier) or _stands_up(obj, carrier)):
+        return obj.on
+    siblings = [j for j, other in enumerate(objects) if other.group == obj.group and j != k]
+    lowest = min(siblings, key=lambda j: objects[j].bottom, default=k)
+    return lowest if objects[lowest].bottom < obj.bottom - 1e-4 else -1
+
+
+def _stands_up(obj: SeenObject, carrier: SeenObject) -> bool:
+    return is_post(obj) or is_held_up(obj, carrier)
+
+
+def noun_for(obj: SeenObject, objects: Sequence[SeenObject], parent: int) -> str:
+    """The plain word for it, without its colour."""
+    if obj.noun:
+        return obj.noun
+    carrier = objects[obj.on] if obj.on >= 0 and not obj.textured else None
+    width, _, height = obj.extents
+    if is_button(obj, carrier):
+        return "button"
+    if is_post(obj) and not obj.textured:
+        return "post"
+    if is_held_up(obj, carrier):
+        return "lamp shade" if parent >= 0 and not is_post(objects[parent]) else "top"
+    if any(
+        other.on >= 0 and objects[other.on] is obj and _stands_up(other, obj) and not obj.textured
+        for other in objects
+    ):
+        return "lamp base"
+    if obj.hollow:
+        if obj.kind == "cylinder":
+            return "cup" if height > 0.6 * width else "bowl"
+        return "tray" if height < 0.4 * width else "open box"
+    shape = shape_of(obj)
+    if shape == "cylinder":
+        return "bottle" if height > 2.0 * width else "cylinder"
+    if shape == "box":
+        longest, shortest = float(max(obj.extents)), float(min(obj.extents))
+        return "cube" if longest < 1.3 * shortest and longest < 0.15 else "box"
+    return {"sphere": "ball", "other": "object"}.get(shape, shape)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2_plugins.classical.pixels import IntArray
+from gvla2_plugins.classical.pixels import IntArray, Pixels
 
 Kind = Literal["box", "cylinder", "sphere", "region", "other"]
 """A region is paint on the table."""
@@ -83,6 +83,20 @@ class SeenObject:
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return rigid([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], self.centre)
 
+    def posed(self, kind: Kind, parameters: Sequence[float] | FloatArray) -> SeenObject:
+        """The same object as a solid with these parameters; "other" has those of a box."""
+        yaw, (x, y, *sides) = 0.0, parameters
+        if kind == "sphere":
+            centre, extents = np.array([x, y, sides[0]]), np.full(3, abs(sides[1]))
+            return replace(self, kind=kind, centre=centre, extents=extents)
+        *sides, top, bottom = sides
+        if kind == "cylinder":
+            width = depth = abs(sides[0])
+        else:
+            yaw, width, depth = upright_rectangle(*sides)
+        centre, extents = np.array([x, y, 0.5 * (top + bottom)]), np.array([width, depth, top - bottom])
+        return replace(self, kind=kind, centre=centre, yaw=yaw, extents=extents)
+
     def resting_at(self, height: float) -> SeenObject:
         """The same object with its lower face at ``height``; its top stays."""
         span = max(THIN, self.top - height)
@@ -106,6 +120,15 @@ class SeenObject:
         """(N, 3) points (N, 3) along its own axes, from its centre."""
         pose = self.pose
         return np.asarray((points - pose[:3, 3]) @ pose[:3, :3])
+
+
+def solid(
+    kind: Kind, pixels: Pixels, members: IntArray, parameters: Sequence[float] | FloatArray, agreement: float
+) -> SeenObject:
+    """The object of the pixels ``members`` (N,) as a solid with these parameters."""
+    nowhere = np.zeros(3)
+    obj = SeenObject(kind, members, pixels.points[members], nowhere, 0.0, nowhere, agreement)
+    return obj.posed(kind, parameters)
 
 
 def upright_rectangle(yaw: float, width: float, depth: float) -> tuple[float, float, float]:

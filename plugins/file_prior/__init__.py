@@ -2,8 +2,7 @@
 
 The file holds, for S views in the order of the run's views:
 
-    depth               (S, h, w)     along each camera's z, NaN or <= 0 where unknown; or instead of it
-    point_map           (S, h, w, 3)  the pixels' points in the prior's world; needs world_from_camera
+    depth               (S, h, w)     along each camera's z, NaN or <= 0 where unknown
     confidence          (S, h, w)     optional, >= 0, default 1
     world_from_camera   (S, 4, 4)     optional poses (OpenCV axes) in the prior's own frame and scale; without them
                                       the depth is metric and belongs to the calibrated cameras
@@ -27,15 +26,15 @@ if TYPE_CHECKING:
 class FilePriorConfig(ComponentConfig):
     """Options of the ``file`` prior: ``path`` is the .npz file, required; one file serves one set of views.
 
-    Its arrays, for S views: ``depth`` (S, h, w) along each camera's z, or ``point_map`` (S, h, w, 3) with
-    ``world_from_camera`` (S, 4, 4); optional ``confidence`` (S, h, w).
+    Its arrays, for S views: ``depth`` (S, h, w) along each camera's z; optional ``confidence`` (S, h, w) and
+    ``world_from_camera`` (S, 4, 4).
     """
 
     path: str = ""
 
 
 def _build(config: FilePriorConfig) -> GeometryPrior:
-    """Reads depth or a point map from an external .npz file."""
+    """Reads depth from an external .npz file."""
     from gvla2_plugins.file_prior.prior import FilePrior
 
     return FilePrior(config)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ from gvla2.reconstruction.contracts import GeometryEstimate
 if TYPE_CHECKING:
     from gvla2_plugins.file_prior import FilePriorConfig
 
-_KEYS = ("depth", "point_map", "confidence", "world_from_camera")
+_KEYS = ("depth", "confidence", "world_from_camera")
 _SHAPE_TOLERANCE = 0.02
 
 
@@ -61,15 +60,7 @@ class FilePrior:
             # numpy leaves a damaged archive's file open when it is given a path.
             with self._path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 stored = {key: archive[key] for key in archive.files if key in _KEYS}
-        except (
-            OSError,
-            ValueError,
-            TypeError,
-            AttributeError,
-            EOFError,
-            KeyError,
-            zipfile.BadZipFile,
-        ) as error:
+        except Exception as error:  # a damaged archive can raise anything
             raise self._error(f"it cannot be read as an .npz archive of plain arrays ({error})") from error
         for key, array in stored.items():
             if array.dtype.kind not in "fiu":
@@ -77,23 +68,16 @@ class FilePrior:
         return stored
 
     def _depth(self, stored: dict[str, NDArray[Any]]) -> tuple[FloatArray, FloatArray | None]:
-        """Depth (S, h, w), a point map's in the prior's own cameras, and poses (S, 4, 4) where there are any."""
-        poses = stored.get("world_from_camera")
-        if poses is not None:
-            if poses.ndim != 3:
-                raise self._error(f"world_from_camera must be (S, 4, 4), got shape {poses.shape}")
-            poses = np.stack([check_rigid(pose, f"Prior file '{self._path}': a camera") for pose in poses])
-        maps = stored.get("depth", stored.get("point_map"))
-        if maps is None or maps.ndim != (3 if "depth" in stored else 4):
-            raise self._error("it needs depth (S, h, w), or point_map (S, h, w, 3) and world_from_camera")
-        if poses is not None and len(poses) != len(maps):
-            raise self._error(f"world_from_camera has {len(poses)} poses for {len(maps)} pictures")
-        if "depth" in stored:
-            return maps.astype(np.float64), poses
+        """Depth (S, h, w), and poses (S, 4, 4) where there are any."""
+        depth, poses = stored.get("depth"), stored.get("world_from_camera")
+        if depth is None or depth.ndim != 3:
+            raise self._error("it needs depth (S, h, w)")
         if poses is None:
-            raise self._error("a point_map needs world_from_camera, one pose a picture: they give its depth")
-        forward, centre = poses[:, :3, 2], poses[:, :3, 3]
-        return np.asarray(np.einsum("shwk,sk->shw", maps - centre[:, None, None], forward)), poses
+            return depth.astype(np.float64), None
+        if poses.ndim != 3 or len(poses) != len(depth):
+            raise self._error(f"world_from_camera must be ({len(depth)}, 4, 4), got shape {poses.shape}")
+        what = f"Prior file '{self._path}': a camera"
+        return depth.astype(np.float64), np.stack([check_rigid(pose, what) for pose in poses])
 
     def _resized(self, pictures: NDArray[Any], height: int, width: int) -> NDArray[Any]:
         own_height, own_width = pictures.shape[1:]

@@ -12,39 +12,27 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class AxisOnlyConfig(ComponentConfig):
-    """``axis_only`` has no options."""
-
-
-@dataclass
-class BlendConfig(ComponentConfig):
-    """Options of ``blend``: ``alpha`` in [0, 1] is the share of source B."""
+class ShareConfig(ComponentConfig):
+    """Options of ``blend`` and ``residual``: ``alpha`` in [0, 1] is the share of source B, at full support."""
 
     alpha: float = 0.5
 
 
-@dataclass
-class ResidualConfig(ComponentConfig):
-    """Options of ``residual``: ``alpha`` in [0, 1] is the fraction of the way to source B at full support."""
-
-    alpha: float = 0.5
-
-
-def _axis_only(config: AxisOnlyConfig) -> FusionStrategy:
+def _axis_only(config: ComponentConfig) -> FusionStrategy:
     """Takes source B's geometry, axis compensation alone."""
-    from gvla2_plugins.fusions.strategies import AxisOnly
+    from gvla2_plugins.fusions.strategies import Blend
 
-    return AxisOnly()
+    return Blend(1.0)
 
 
-def _blend(config: BlendConfig) -> FusionStrategy:
+def _blend(config: ShareConfig) -> FusionStrategy:
     """Blends the sources evenly: (1 - alpha) A + alpha B."""
     from gvla2_plugins.fusions.strategies import Blend
 
     return Blend(config.alpha)
 
 
-def _residual(config: ResidualConfig) -> FusionStrategy:
+def _residual(config: ShareConfig) -> FusionStrategy:
     """Moves A towards B as far as the masks support both."""
     from gvla2_plugins.fusions.strategies import Residual
 
@@ -55,7 +43,7 @@ def _residual(config: ResidualConfig) -> FusionStrategy:
 def gvla2_fusion_strategies() -> list[Component[FusionStrategy]]:
     """Offer the three strategies."""
     return [
-        Component("axis_only", AxisOnlyConfig, _axis_only),
-        Component("blend", BlendConfig, _blend),
-        Component("residual", ResidualConfig, _residual),
+        Component("axis_only", ComponentConfig, _axis_only),
+        Component("blend", ShareConfig, _blend),
+        Component("residual", ShareConfig, _residual),
     ]

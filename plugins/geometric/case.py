@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,13 +13,11 @@ from numpy.typing import ArrayLike
 from gvla2.episode.evidence import Correspondence, RobotEvidence, correspond
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.trajectory import Waypoint
 
 if TYPE_CHECKING:
     from gvla2_plugins.geometric import GeometricConfig
 
-GROWN = 0.02
-"""Metres by which a side of an object's footprint is at most seen longer when nothing was added to it."""
+GROWN = 0.02  # metres by which a side of an unchanged footprint is at most seen longer
 
 
 @dataclass(frozen=True)
@@ -34,17 +33,17 @@ class InconclusiveError(Exception):
 
 
 class Case:
-    """One episode's evidence with its objects looked up."""
+    """One episode's evidence with its objects looked up.
+
+    ``holding``: the fingers are stopped by something at the end; ``last_held``: what the robot felt then.
+    """
 
     def __init__(self, evidence: RobotEvidence, config: GeometricConfig) -> None:
         self.evidence, self.config, self.before = evidence, config, evidence.before
-        trajectory = evidence.plan.trajectory
-        self.planned: tuple[Waypoint, ...] = trajectory.waypoints if trajectory is not None else ()
+        trajectory, reports = evidence.plan.trajectory, evidence.report.waypoints
+        self.planned = trajectory.waypoints if trajectory is not None else ()
         self.holding = evidence.gripper_width > config.empty_width
-        """The fingers are stopped by something at the end."""
-        reports = evidence.report.waypoints
         self.last_held = reports[-1].held if reports else None
-        """What the robot felt at the last waypoint."""
 
     @property
     def after(self) -> Scene:
@@ -82,15 +81,21 @@ class Case:
             raise InconclusiveError(f"{obj.label} was not seen again.")
         return later
 
-    def way(self, object_id: str) -> FloatArray:
-        """(3,) from where the hand grasped an object to where it last held it, as planned; 0 if it never did."""
-        return self.span([i for i, w in enumerate(self.planned) if w.carries == object_id and i > 0])
+    def carried(self, object_id: str) -> FloatArray:
+        """(3,) the hand's planned way while it held an object; 0 if it never did."""
+        return self._way([after.carries == object_id for after in self.planned[1:]])
 
-    def span(self, indices: list[int]) -> FloatArray:
-        """(3,) from the waypoint before the first of these waypoints to the last; 0 for none."""
-        if not indices:
-            return np.zeros(3)
-        return np.subtract(self.planned[indices[-1]].xyz, self.planned[indices[0] - 1].xyz)
+    def pushed(self, touching: str = "") -> FloatArray:
+        """(3,) the hand's planned way while it pushed anything, or the object of an id."""
+        pushes = [
+            w.stage.startswith("push") and (not touching or touching in w.allowed_contacts)
+            for w in self.planned[1:]
+        ]
+        return self._way(pushes)
+
+    def _way(self, counts: list[bool]) -> FloatArray:
+        steps = [np.subtract(after.xyz, before.xyz) for before, after in pairwise(self.planned)]
+        return np.asarray(sum((s for s, c in zip(steps, counts, strict=True) if c), np.zeros(3)))
 
     def goal_now(self, goal: SceneObject) -> SceneObject:
         """The goal's place at the end: paint stays where it was seen unhidden, objects may have moved.

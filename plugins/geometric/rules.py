@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -19,30 +18,23 @@ from gvla2.planning.scene import PartJoint, Scene, SceneObject
 from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle, shines
 from gvla2_plugins.geometric.case import Case, InconclusiveError, Score, level_gap, outside_footprint
 
-IN_IT = 0.012
-"""A holder reaches higher than an object's foot by more than this, metres: perceived heights err by less."""
-GROWN = 1.2
-"""Ratio of an object's height after to before above which it is implausible."""
-CLEARED = 0.9
-"""Share of a holder's height that an object must rise to be out of it."""
-LEAST_GROWN = 0.4
-"""Least rise of a container where an object lies in it, as a share of the object's height."""
-DOUBTFUL = 0.35
-"""Look difference above which it is hardly the same object."""
-FEWEST = 10
-"""Least points for a reliable height."""
-UPRIGHT = 1.45
-"""A lid that stays open by more than this was opened, radians: below upright it would fall shut."""
-DRAWN = 0.10
-"""Least opening of a drawer, metres: a hand fits in."""
-SHARE_SHUT, SHARE_DRAWN, SHARE_PUSHED = 0.5, 0.7, 0.5
-"""Shares of the planned way that count as shut, drawn out, and pushed."""
-ON_TOP = 0.02
-"""Largest gap of a lid on its box, a cap on its bottle, a ring at the foot, metres."""
-ALMOST = 0.85
-"""Share of the target below which it is a clear miss: the accuracy of perceived angles and distances."""
-ASTRAY = 0.06
-"""An object this far beside the line of a pull is a different one, metres."""
+DONE, LIKELY, DOUBTFUL, MISSED = 1.0, 0.85, 0.4, 0.1
+"""Scores: seen to be done; inferred, since something was not seen again; undecided; seen to be missed."""
+
+IN_IT = 0.012  # metres that a holder reaches above an object's foot: perceived heights err by less
+GROWN = 1.2  # ratio of an object's height after to before above which it is implausible
+CLEARED = 0.9  # share of a holder's height that an object must rise to be out of it
+LEAST_GROWN = 0.4  # least rise of a container where an object lies in it, as a share of the object's height
+UNLIKE = 0.35  # look difference above which it is hardly the same object
+FEWEST = 10  # points for a reliable height
+UPRIGHT = 1.45  # radians: a lid open by less would fall shut
+DRAWN = 0.10  # metres: least opening of a drawer, a hand fits in
+SHARE_SHUT, SHARE_DRAWN, SHARE_PUSHED = 0.5, 0.7, 0.5  # of the planned way
+ON_TOP = 0.02  # metres: largest gap of a lid on its box, a cap on its bottle, a ring at the foot
+ALMOST = 0.85  # share of the target below which it is a clear miss: angles and distances err by less
+OVER = 0.02  # metres beside a button where the tool may press it
+CLOSE = 2 / 3  # of an object's width beside its target, below which it may touch it
+ASTRAY = 0.06  # metres: an object this far beside the line of a pull is a different one
 
 
 def completion(case: Case) -> Score:
@@ -55,7 +47,7 @@ def completion(case: Case) -> Score:
     except InconclusiveError as error:
         return Score(None, str(error))
     if (found.score or 0.0) >= 0.5 and (meant := _meant_another(case)):
-        return Score(0.4, f"{found.reason} But the sentence says {meant}, and what was handled is not.")
+        return Score(DOUBTFUL, f"{found.reason} But the sentence says {meant}, and what was handled is not.")
     return found
 
 
@@ -72,19 +64,30 @@ def _meant_another(case: Case) -> str:
     return "" if named & handled else min(named, default="")
 
 
+def _beside(off: float, width: float, reason: str) -> Score:
+    """The score of an object ``width`` metres wide that lies ``off`` metres beside its target."""
+    return Score(DOUBTFUL if off < CLOSE * width else MISSED, reason)
+
+
+def _short(came: float, wanted: float, reason: str) -> Score:
+    """The score of an object or a lid that came ``came`` of the ``wanted`` metres or radians."""
+    done = DONE if came >= wanted else DOUBTFUL if came > ALMOST * wanted else MISSED
+    return Score(done, reason)
+
+
 def _pick(case: Case) -> Score:
     """The theme is up and in the hand; or it is not visible, gone from its place, and the hand holds something."""
     theme = case.handled()
     if not case.holding:
-        return Score(0.0, "The hand is empty at the end.")
+        return Score(MISSED, "The hand is empty at the end.")
     later = case.later(theme)
     if later is None:
         if case.still_there(theme):
-            return Score(0.2, f"Something still stands where {theme.label} stood.")
+            return Score(MISSED, f"Something still stands where {theme.label} stood.")
         gone = f"{theme.label} is gone from its place"
         if case.last_held is False:
-            return Score(0.2, f"{gone}, but the hand felt nothing.")
-        return Score(0.85, f"{gone} and the hand is held open by what it holds.")
+            return Score(DOUBTFUL, f"{gone}, but the hand felt nothing.")
+        return Score(LIKELY, f"{gone} and the hand is held open by what it holds.")
     # The top's rise, where the height seems to have grown: the underside was hidden in one scene, and guessed.
     grown = float(later.extents[2]) > GROWN * float(theme.extents[2])
     risen = later.top - theme.top if grown else later.bottom - theme.bottom
@@ -94,13 +97,14 @@ def _pick(case: Case) -> Score:
     if risen >= enough:
         holder = _holder(case, theme)
         if holder is not None and not _out_of(case, later, holder):
-            return Score(0.4, f"{theme.label} {rose}: it may still be in {holder.label}.")
-        return Score(1.0, f"{theme.label} {rose} and the hand holds something.")
+            return Score(DOUBTFUL, f"{theme.label} {rose}: it may still be in {holder.label}.")
+        return Score(DONE, f"{theme.label} {rose} and the hand holds something.")
     reports = case.evidence.report.waypoints
     tool = transform_points(invert_rigid(later.world_from_object), reports[-1].reached) if reports else None
     if tool is not None and (np.abs(tool) <= 0.5 * later.extents + case.config.same_place).all():
-        return Score(0.45, f"{theme.label} is in the hand, but {rose} only.")
-    return Score(max(0.0, 0.3 * risen / enough), f"{theme.label} is not in the hand and {rose} only.")
+        return Score(DOUBTFUL, f"{theme.label} is in the hand, but {rose} only.")
+    score = DOUBTFUL if risen > 0.5 * enough else MISSED
+    return Score(score, f"{theme.label} is not in the hand and {rose} only.")
 
 
 def _holder(case: Case, theme: SceneObject) -> SceneObject | None:
@@ -126,28 +130,23 @@ def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
 
 def _press(case: Case) -> Score:
     """The tool went at least half of the planned press below the button's top, and felt it."""
-    button, plan = case.handled("part", "theme", "goal"), case.evidence.plan
-    near = [r for r in case.evidence.report.waypoints if outside_footprint(r.target, button) <= 0.02]
-    if not near:
-        return Score(0.0, f"The tool never came over {button.label}.")
-    lowest = min(near, key=lambda r: r.target[2])
-    planned = plan.parameters.get("press_depth", button.top - lowest.target[2])
-    if planned <= 0:
-        return Score(0.0, f"The plan does not go below the top of {button.label}.")
+    button = case.handled("part", "theme", "goal")
+    near = [r for r in case.evidence.report.waypoints if outside_footprint(r.target, button) <= OVER]
+    lowest = min(near, key=lambda r: r.target[2], default=None)
+    if lowest is None or outside_footprint(lowest.reached, button) > OVER:
+        return Score(MISSED, f"The tool never came over {button.label}.")
+    planned = case.evidence.plan.parameters.get("press_depth", button.top - lowest.target[2])
     # The tool's shortfall is what is missing of the planned depth.
     depth = planned - max(lowest.reached[2] - lowest.target[2], 0.0)
-    aside = float(np.linalg.norm(np.subtract(lowest.reached[:2], lowest.target[:2])))
     travel = f"The tool went {1e3 * depth:.1f} of {1e3 * planned:.1f} mm into {button.label}"
-    if aside > max(0.02, 0.5 * float(button.extents[:2].max())):
-        return Score(0.0, f"The tool missed {button.label} by {100 * aside:.1f} cm.")
-    if depth < 0.5 * planned:
-        return Score(max(0.0, 0.6 * depth / planned), f"{travel}: not far enough.")
+    if planned <= 0 or depth < 0.5 * planned:
+        return Score(DOUBTFUL if depth > 0.25 * planned > 0 else MISSED, f"{travel}: not far enough.")
     if not lowest.contacts:
-        return Score(0.4, f"{travel}, but felt no contact.")
+        return Score(DOUBTFUL, f"{travel}, but felt no contact.")
     after = case.evidence.after
     if after is not None and shines(button, case.before, after) is False:
-        return Score(0.1, f"{travel} and felt it, but the lamp stayed dark.")
-    return Score(1.0, f"{travel} and felt it.")
+        return Score(MISSED, f"{travel} and felt it, but the lamp stayed dark.")
+    return Score(DONE, f"{travel} and felt it.")
 
 
 def _place(case: Case) -> Score:
@@ -155,7 +154,7 @@ def _place(case: Case) -> Score:
     several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
     if not several:
         return _placed(case, case.handled(), case.role("goal"))
-    worst, unknown = Score(1.0, f"All {len(several)} objects are at their targets."), None
+    worst, unknown = Score(DONE, f"All {len(several)} objects are at their targets."), None
     for name in sorted(several):
         try:
             theme = case.handled(name)
@@ -173,7 +172,7 @@ def _placed(case: Case, theme: SceneObject, goal: SceneObject | None) -> Score:
     if goal is None:
         raise InconclusiveError("The plan does not say where to put it.")
     if case.last_held:
-        return Score(0.1, "The hand still holds something at the end.")
+        return Score(MISSED, "The hand still holds something at the end.")
     later, spot = case.later(theme), _let_go(case, theme)
     if later is None:
         return _taken_in(case, theme, goal)
@@ -181,16 +180,16 @@ def _placed(case: Case, theme: SceneObject, goal: SceneObject | None) -> Score:
     if spot is not None and outside_footprint(spot, goal) > 0.5 * reach:  # planned beside the goal
         off = level_gap(later.centre, spot)
         if off > max(0.03, 0.5 * reach):
-            return Score(0.1, f"{theme.label} lies {100 * off:.1f} cm from its target.")
+            return Score(MISSED, f"{theme.label} lies {100 * off:.1f} cm from its target.")
         if later.bottom > case.before.table_height + slack:
-            return Score(0.2, f"{theme.label} does not rest on the table.")
-        return Score(1.0, f"{theme.label} rests beside {goal.label}, as planned.")
+            return Score(DOUBTFUL, f"{theme.label} does not rest on the table.")
+        return Score(DONE, f"{theme.label} rests beside {goal.label}, as planned.")
     found, now = _inside(case, later, goal), case.goal_now(goal)
-    if (found.score or 0.0) < 0.5 and difference(theme, later) > DOUBTFUL:
+    if found.score != DONE and difference(theme, later) > UNLIKE:
         with suppress(InconclusiveError):
             return _taken_in(case, theme, goal)  # its match may be a piece of the container
-    if found.score == 1.0 and not now.bottom - slack <= later.bottom <= now.top + slack:
-        return Score(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
+    if found.score == DONE and not now.bottom - slack <= later.bottom <= now.top + slack:
+        return Score(DOUBTFUL, f"{theme.label} is over {goal.label}, but does not rest there.")
     return found
 
 
@@ -201,12 +200,12 @@ def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> Score:
     spot = _let_go(case, theme)
     if spot is not None and outside_footprint(spot, case.goal_now(goal)) == 0.0 and goal.shape != "region":
         if case.still_there(theme):
-            return Score(0.2, f"Something is still where {theme.label} was.")
+            return Score(MISSED, f"Something is still where {theme.label} was.")
         about = 0.5 * float(theme.extents[:2].max())
         was = _height(case.before, spot, about, frozenset({theme.id}))
         grown = _height(case.after, spot, about, frozenset()) - max(was, goal.bottom)
         if grown >= LEAST_GROWN * (theme.top - theme.bottom):
-            return Score(0.85, f"{theme.label} is gone, and {goal.label} is higher where it was put.")
+            return Score(LIKELY, f"{theme.label} is gone, and {goal.label} is higher where it was put.")
     raise InconclusiveError(f"{theme.label} was not seen again.")
 
 
@@ -218,12 +217,12 @@ def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -
 
 
 def _inside(case: Case, obj: SceneObject, goal: SceneObject) -> Score:
-    """The object's centre in the goal's footprint; half a width outside, it only touches the goal."""
+    """The object's centre in the goal's footprint; some way outside, it only touches the goal."""
     outside = outside_footprint(obj.centre, case.goal_now(goal))
     if outside <= case.config.margin:
-        return Score(1.0, f"{obj.label} lies on or in {goal.label}.")
-    score = max(0.0, 0.45 * (1 - outside / float(obj.extents[:2].max())))
-    return Score(score, f"{obj.label} lies {100 * outside:.1f} cm outside {goal.label}.")
+        return Score(DONE, f"{obj.label} lies on or in {goal.label}.")
+    reason = f"{obj.label} lies {100 * outside:.1f} cm outside {goal.label}."
+    return _beside(outside, float(obj.extents[:2].max()), reason)
 
 
 def _let_go(case: Case, theme: SceneObject) -> FloatArray | None:
@@ -241,74 +240,49 @@ def _under(case: Case, theme: SceneObject) -> SceneObject | None:
     return min(around, key=lambda o: float(np.prod(o.extents[:2])), default=None)
 
 
-def _opened(case: Case) -> Score:
-    """The lid stands upright, or leans away from the box; or the box shows its inside."""
-    lid, body, later, box = _lid(case)
-    if later is not None:
-        angle = opening_angle(later, box or body)
-        score = 1.0 if angle >= UPRIGHT else _short(angle, UPRIGHT)
-        return Score(score, f"{lid.label} is open by {np.degrees(angle):.0f}°.")
-    unseen = f"{lid.label} was not seen again"
-    if body is None or box is None or body.opening > 0.0:
-        raise InconclusiveError(f"{unseen}.")
-    if box.opening > 0.5 * float(body.extents[:2].min()):
-        return Score(0.8, f"{unseen}, but {body.label} shows its inside.")
-    return Score(0.3, f"{unseen}, and {body.label} shows no inside.")
-
-
-def _closed(case: Case) -> Score:
-    """The lid lies flat over the box; or the box no longer shows its inside."""
-    lid, body, later, box = _lid(case)
-    under = box or body
+def _hinged(case: Case, *, closing: bool) -> Score:
+    """The lid stands upright or leans away from the box, or lies flat over it when ``closing``; a lid that is not
+    seen again is judged by whether the box shows its inside.
+    """
+    lid, body = hinged(case.handled(), case.before.objects)
+    if lid is None:
+        raise InconclusiveError("No lid was seen on it.")
+    later, box = case.later(lid), case.later(body) if body is not None else None
     if later is None:
-        unseen = f"{lid.label} was not seen again"
-        if body is None or box is None or body.opening == 0.0:
-            raise InconclusiveError(f"{unseen}.")
-        if box.opening > 0.0:
-            return Score(0.1, f"{unseen}, and {body.label} still shows its inside.")
-        return Score(0.8, f"{unseen}, and {body.label} no longer shows its inside.")
-    was, angle = opening_angle(lid, body), opening_angle(later, under)
+        if body is None or box is None or (body.opening > 0.0) != closing:
+            raise InconclusiveError(f"{lid.label} was not seen again.")
+        shown = box.opening > (0.0 if closing else 0.5 * float(body.extents[:2].min()))
+        score = LIKELY if shown != closing else MISSED if closing else DOUBTFUL
+        inside = f"{body.label} shows {'its' if shown else 'no'} inside."
+        return Score(score, f"{lid.label} was not seen again, and {inside}")
+    under = box or body
+    angle = opening_angle(later, under)
+    is_open = f"{lid.label} is open by {np.degrees(angle):.0f}°."
+    if not closing:
+        return _short(angle, UPRIGHT, is_open)
     if angle >= CLOSED:
-        score = _short(was - angle, max(was, CLOSED))
-        return Score(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
+        was = max(opening_angle(lid, body), CLOSED)
+        return Score(DOUBTFUL if was - angle > ALMOST * was else MISSED, is_open)
     if under is None:
-        return Score(0.7, f"{lid.label} lies flat.")
+        return Score(LIKELY, f"{lid.label} lies flat.")
     aside = level_gap(later.centre, under.centre) > 0.25 * float(under.extents[:2].min())
     if aside or later.bottom < under.centre[2]:
-        return Score(0.1, f"{lid.label} lies flat, but not on {under.label}.")
-    flat = box is None or later.bottom <= box.top + ON_TOP
-    return Score(
-        1.0 if flat else 0.3, f"{lid.label} {'lies flat' if flat else 'does not lie'} on {under.label}."
-    )
-
-
-def _lid(case: Case) -> tuple[SceneObject, SceneObject | None, SceneObject | None, SceneObject | None]:
-    """Lid and box of the plan's theme before, and the same two afterwards."""
-    theme = case.handled()
-    lid, body = hinged(theme, case.before.objects)
-    if lid is None:
-        raise InconclusiveError(f"No lid was seen on {theme.label}.")
-    return lid, body, case.later(lid), case.later(body) if body is not None else None
-
-
-def _short(came: float, wanted: float) -> float:
-    """The score of a shortfall: doubtful if small, else a miss."""
-    share = max(0.0, came / wanted)
-    return 0.4 if share > ALMOST else 0.1 * share
+        return Score(MISSED, f"{lid.label} lies flat, but not on {under.label}.")
+    if box is not None and later.bottom > box.top + ON_TOP:
+        return Score(DOUBTFUL, f"{lid.label} does not lie on {box.label}.")
+    return Score(DONE, f"{lid.label} lies flat on {under.label}.")
 
 
 def _travelled(obj: SceneObject, along: float, planned: float, need: float) -> Score:
     """The score of an object that went ``along`` metres of the ``planned`` ones, and should have gone ``need``."""
-    travel = f"{obj.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
-    return Score(1.0 if along >= need else _short(along, need), f"{travel}.")
+    return _short(along, need, f"{obj.label} went {100 * along:.1f} of {100 * planned:.1f} cm.")
 
 
 def _slid(case: Case, wanted: float | None = None) -> Score:
     """The handle, or its front, moved along the hand's way by ``wanted`` metres, or by a share of that way."""
     theme = case.handled()
     carried = [w.carries for w in case.planned if w.carries]
-    pushes = [i for i, w in enumerate(case.planned) if i and w.stage.startswith("push")]
-    way = case.way(carried[0]) if carried else case.span(pushes)
+    way = case.carried(carried[0]) if carried else case.pushed()
     length = float(np.linalg.norm(way))
     if length < case.config.same_place:
         raise InconclusiveError("The plan does not say how far to slide.")
@@ -339,24 +313,18 @@ def _pushed(case: Case) -> Score:
     reach = float(later.extents[:2].max())
     gap = outside_footprint(later.centre, case.goal_now(goal)) - 0.5 * reach
     if gap <= 0.015:
-        return Score(1.0, f"{theme.label} lies against {goal.label}.")
-    score = max(0.0, 0.45 * (1 - gap / reach))
-    return Score(score, f"{theme.label} stopped {100 * gap:.1f} cm from {goal.label}.")
+        return Score(DONE, f"{theme.label} lies against {goal.label}.")
+    return _beside(gap, reach, f"{theme.label} stopped {100 * gap:.1f} cm from {goal.label}.")
 
 
 def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Score:
     """A push without a goal: the theme moved along with the hand's strokes, at least half of their length."""
-    stroke = np.zeros(3)
-    for before, after in pairwise(case.planned):
-        if theme.id in after.allowed_contacts and after.stage.startswith("push"):
-            stroke += np.subtract(after.xyz, before.xyz)
+    stroke = case.pushed(theme.id)
     length = float(np.linalg.norm(stroke))
     planned = length - case.evidence.plan.parameters.get("standoff", 0.0)
     if length < 1e-6 or planned <= case.config.same_place:
         raise InconclusiveError("The plan does not say how far to push.")
     along = float((later.centre - theme.centre) @ stroke) / length
-    if along > 1.5 * planned:
-        return Score(0.4, f"{theme.label} went {100 * along:.1f} instead of {100 * planned:.1f} cm.")
     return _travelled(theme, along, planned, SHARE_PUSHED * planned)
 
 
@@ -367,7 +335,7 @@ def _turned(case: Case, knob: SceneObject, joint: PartJoint) -> Score:
     came = later.joint.position - joint.position if later is not None and later.joint is not None else 0.0
     if wanted * came <= 0.0 or abs(came) < 0.5 * abs(wanted):
         raise InconclusiveError(f"It cannot be seen whether {knob.label} turned.")
-    return Score(1.0, f"{knob.label} turned by {np.degrees(came):.0f}°.")
+    return Score(DONE, f"{knob.label} turned by {np.degrees(came):.0f}°.")
 
 
 def _twisted(case: Case) -> Score:
@@ -381,36 +349,35 @@ def _twisted(case: Case) -> Score:
     if later is not None:
         aside, raised = level_gap(later.centre, cap.centre), later.bottom - cap.bottom
         if abs(raised) < ON_TOP and aside < max(ON_TOP, 0.5 * float(cap.extents[:2].max())):
-            return Score(0.0, f"{cap.label} is still where it was.")
-        if raised > 0 and case.holding:
-            return Score(1.0, f"{cap.label} came off and is in the hand, {100 * raised:.1f} cm higher.")
-        return Score(0.9, f"{cap.label} is off: it lies {100 * max(aside, abs(raised)):.0f} cm away.")
+            return Score(MISSED, f"{cap.label} is still where it was.")
+        return Score(DONE, f"{cap.label} came off: it is {100 * max(aside, abs(raised)):.0f} cm away.")
     body = case.seen(cap.parent)
     if body is None or case.later(body) is None:
         raise InconclusiveError(f"{cap.label} was not seen again.")
     there = [o for o in case.after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
     if any(level_gap(o.centre, cap.centre) < ON_TOP for o in there):
-        return Score(0.3 if holding else 0.1, f"Something is still where {cap.label} was.")
-    score = 0.85 if holding else 0.6
-    return Score(score, f"{cap.label} is gone from {body.label}{', and the hand holds something' * holding}.")
+        return Score(DOUBTFUL if holding else MISSED, f"Something is still where {cap.label} was.")
+    return Score(
+        LIKELY, f"{cap.label} is gone from {body.label}{', and the hand holds something' * holding}."
+    )
 
 
 def _inserted(case: Case) -> Score:
     """The ring is around the post's foot: its middle within a hole's radius of the post's, low, and released."""
     ring, post = case.handled(), case.handled("goal")
     if case.last_held:
-        return Score(0.1, "The hand still holds something at the end.")
+        return Score(MISSED, "The hand still holds something at the end.")
     later, now = case.again(ring), case.later(post)
     seen_well = now is not None and level_gap(now.centre, post.centre) < ASTRAY
     off = level_gap(later.centre, now.centre if now is not None and seen_well else post.centre)
     high = later.bottom - post.bottom
     hole = 0.5 * (ring.opening or 0.6 * float(ring.extents[:2].min()))
     if off > hole:
-        score = max(0.0, 0.4 * (1 - off / (2 * hole)))
-        return Score(score, f"{ring.label} lies {100 * off:.1f} cm beside the middle of {post.label}.")
+        reason = f"{ring.label} lies {100 * off:.1f} cm beside the middle of {post.label}."
+        return _beside(off, 2 * hole, reason)
     if high > max(ON_TOP, 0.25 * (post.top - post.bottom)):
-        return Score(0.2, f"{ring.label} hangs on {post.label} {100 * high:.1f} cm above its foot.")
-    return Score(1.0, f"{ring.label} lies around the foot of {post.label}.")
+        return Score(DOUBTFUL, f"{ring.label} hangs on {post.label} {100 * high:.1f} cm above its foot.")
+    return Score(DONE, f"{ring.label} lies around the foot of {post.label}.")
 
 
 def _drawn(case: Case) -> Score:
@@ -418,10 +385,10 @@ def _drawn(case: Case) -> Score:
     theme, goal = case.handled(), case.role("goal")
     if goal is not None or any(w.stage == "release" for w in case.planned):
         return _placed(case, theme, goal)
-    way, later = case.way(theme.id), case.later(theme)
+    way, later = case.carried(theme.id), case.later(theme)
     length = float(np.linalg.norm(way))
     if later is None and case.holding and not case.still_there(theme):
-        return Score(0.8, f"{theme.label} is gone from its place and the hand holds something.")
+        return Score(LIKELY, f"{theme.label} is gone from its place and the hand holds something.")
     if later is None or length < case.config.same_place:
         raise InconclusiveError(f"{theme.label} was not seen again.")
     along = float((later.centre - theme.centre) @ way) / length
@@ -433,8 +400,8 @@ RULES: dict[str, Callable[[Case], Score]] = {
     "push": _pushed,
     "place": _place,
     "press": _press,
-    "open": _opened,
-    "close": _closed,
+    "open": partial(_hinged, closing=False),
+    "close": partial(_hinged, closing=True),
     "pull": partial(_slid, wanted=DRAWN),
     "shut": _slid,
     "twist": _twisted,

@@ -10,21 +10,17 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from PIL import Image
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import rigid, transform_points
+from gvla2.geometry.transform import rigid
 from gvla2.io.files import write_whole
-from gvla2.robot.mujoco.description import mesh_of, primitive
+from gvla2.robot.mujoco.description import painted
 from gvla2.robot.mujoco.stepping import DRAWN, silent
 from gvla2.robot.mujoco.truth import model_joint, moving_body, part_label
 from gvla2_plugins.libero.worlds import Sentences, import_benchmark
 
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
 """Whose objects are known by default."""
-
-TEXTURE = 512
-"""Longest side of a written texture, pixels: recognition samples 3000 points."""
 
 
 def write_gallery(folder: Path, suites: Sequence[str] = SUITES) -> list[str]:
@@ -73,11 +69,9 @@ def _write(folder: Path, name: str, model: Any) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     drawn: dict[int, list[Any]] = {}
-    for geom in range(model.ngeom):
-        if model.geom_group[geom] in DRAWN and model.geom_rgba[geom][3] > 0:
-            pose = rigid(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
-            owner = moving_body(model, int(model.geom_bodyid[geom]))
-            drawn.setdefault(owner, []).append(_painted(model, geom, pose))
+    for body in range(1, model.nbody):
+        if meshes := painted(model, data, body, DRAWN):
+            drawn.setdefault(moving_body(model, body), []).extend(meshes)
     root = int(model.body_rootid[model.nbody - 1])
     if set(drawn) == {root}:
         scene = trimesh.Scene(drawn[root])
@@ -127,48 +121,3 @@ def _write_joint(robot: ET.Element, link: str, model: Any, data: Any, joint: int
 
 def _text(numbers: Any) -> str:
     return " ".join(f"{value:.6g}" for value in numbers)
-
-
-def _painted(model: Any, geom: int, pose: np.ndarray) -> Any:
-    """The mesh of a geom, world, with its texture; a primitive has its material's mean colour."""
-    import mujoco
-
-    material, image = int(model.geom_matid[geom]), None
-    rgba = np.array(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material])
-    texture = -1 if material < 0 else int(np.ravel(model.mat_texid[material]).max())
-    if texture >= 0:
-        size = int(model.tex_height[texture]), int(model.tex_width[texture]), int(model.tex_nchannel[texture])
-        first = int(model.tex_adr[texture])
-        pixels = np.asarray(model.tex_data[first : first + np.prod(size)]).reshape(size)
-        image = Image.fromarray(pixels[..., :3])
-        image.thumbnail((TEXTURE, TEXTURE))
-    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
-        made = primitive(model, geom)
-        if image is not None:
-            rgba[:3] *= np.asarray(image).reshape(-1, 3).mean(axis=0) / 255
-        made.apply_transform(pose)
-        made.visual = trimesh.visual.TextureVisuals(material=_paint(None, rgba))
-        return made
-    mesh = int(model.geom_dataid[geom])
-    vertices, faces = mesh_of(model, mesh)
-    corners = faces.ravel()
-    uv = None
-    if image is not None and model.mesh_texcoordnum[mesh] > 0:
-        face, at = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
-        indices = np.asarray(model.mesh_facetexcoord[face : face + len(faces)]).ravel()
-        uv = np.asarray(model.mesh_texcoord[at : at + model.mesh_texcoordnum[mesh]])[indices] * [1, -1] + [
-            0,
-            1,
-        ]
-    return trimesh.Trimesh(
-        transform_points(pose, vertices[corners]),
-        np.arange(len(corners)).reshape(-1, 3),
-        visual=trimesh.visual.TextureVisuals(uv=uv, material=_paint(image, rgba)),
-        process=False,
-    )
-
-
-def _paint(image: Any, rgba: np.ndarray) -> Any:
-    return trimesh.visual.material.PBRMaterial(
-        baseColorTexture=image, baseColorFactor=np.rint(255 * np.array([*rgba[:3], 1.0])).astype(np.uint8)
-    )

@@ -89,7 +89,7 @@ class LlamaServer:
                 return f"{_server(self._files, *self._options).listening_address}/v1"
         except Exception as error:  # a damaged file, or too little memory: llama.cpp can raise anything
             message = f"llama.cpp cannot serve {self.model}: {error}. Its own messages stand above."
-            raise ModelUnavailableError(message, transient=False) from error
+            raise ModelUnavailableError(message) from error
 
 
 @cache

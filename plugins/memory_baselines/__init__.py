@@ -11,23 +11,20 @@ from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.errors import ConfigurationError
+from gvla2.memory.late import StoreOptions
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Inducer, Memory
 
 
 @dataclass(kw_only=True)
-class VectorStoreConfig(ComponentConfig):
+class VectorStoreConfig(StoreOptions, ComponentConfig):
     """Options common to all of them.
 
-    ``url`` is a database address, "" the default one; ``bank`` names the bank in it; ``busy_seconds`` is how long to
-    wait for other processes; ``top_k`` is the number of recalled entries (lessons, workflows, tasks, trajectories);
-    ``max_chars`` bounds the text given to a planner.
+    ``top_k`` is the number of recalled entries (lessons, workflows, tasks, trajectories); ``max_chars`` bounds the text
+    given to a planner.
     """
 
-    url: str = ""
-    bank: str = "default"
-    busy_seconds: float = 5.0
     top_k: int = 3
     max_chars: int = 4000
 
@@ -49,43 +46,41 @@ class SemanticMemoryConfig(VectorStoreConfig):
 
 def _build_semantic(config: SemanticMemoryConfig, embedder: Embedder) -> Memory:
     """Keeps every lesson, verified or not, and recalls the most similar ones: the plain baseline."""
-    from gvla2_plugins.memory_baselines.methods import Semantic, WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Semantic
 
-    return WholeMethod(config, Semantic(), embedder)
+    return Semantic.late(config, embedder)
 
 
 @dataclass(kw_only=True)
 class AwmConfig(VectorStoreConfig):
-    """Options of the ``awm`` memory: ``fewest_steps`` is the minimum number of steps of a workflow."""
+    """Options of the ``awm`` memory."""
 
     bank: str = "awm"
     max_chars: int = 6000
-    fewest_steps: int = 2
 
 
 def _build_awm(config: AwmConfig, embedder: Embedder, inducer: Inducer | None = None) -> Memory:
     """Workflows induced from verified successes, values replaced by slots; after Agent Workflow Memory."""
-    from gvla2_plugins.memory_baselines.methods import WholeMethod, Workflows
+    from gvla2_plugins.memory_baselines.methods import Workflows
 
-    return WholeMethod(config, Workflows(config.fewest_steps), embedder, inducer)
+    return Workflows.late(config, embedder, inducer)
 
 
 @dataclass(kw_only=True)
 class ReasoningBankConfig(VectorStoreConfig):
-    """Options of the ``reasoning_bank`` memory: ``most_items`` is the maximum number of items of an earlier task."""
+    """Options of the ``reasoning_bank`` memory."""
 
     bank: str = "reasoning_bank"
     top_k: int = 1
-    most_items: int = 3
 
 
 def _build_reasoning_bank(
     config: ReasoningBankConfig, embedder: Embedder, inducer: Inducer | None = None
 ) -> Memory:
     """Titled items from successes and failures of the most similar task; after ReasoningBank."""
-    from gvla2_plugins.memory_baselines.methods import Strategies, WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Strategies
 
-    return WholeMethod(config, Strategies(config.most_items), embedder, inducer)
+    return Strategies.late(config, embedder, inducer)
 
 
 @dataclass(kw_only=True)
@@ -98,19 +93,18 @@ class SynapseConfig(VectorStoreConfig):
 
 def _build_synapse(config: SynapseConfig, embedder: Embedder) -> Memory:
     """Whole trajectories of verified successes as exemplars, found by their task; after Synapse."""
-    from gvla2_plugins.memory_baselines.methods import Exemplars, WholeMethod
+    from gvla2_plugins.memory_baselines.methods import Exemplars
 
-    return WholeMethod(config, Exemplars(), embedder)
+    return Exemplars.late(config, embedder)
 
 
 @hookimpl
 def gvla2_memories() -> list[Component[Memory]]:
     """``memory=semantic``, ``awm``, ``reasoning_bank`` and ``synapse``."""
+    both = ("embedder", "inducer")
     return [
         Component("semantic", SemanticMemoryConfig, _build_semantic, needs=("embedder",)),
-        Component("awm", AwmConfig, _build_awm, needs=("embedder", "inducer")),
-        Component(
-            "reasoning_bank", ReasoningBankConfig, _build_reasoning_bank, needs=("embedder", "inducer")
-        ),
+        Component("awm", AwmConfig, _build_awm, needs=both),
+        Component("reasoning_bank", ReasoningBankConfig, _build_reasoning_bank, needs=both),
         Component("synapse", SynapseConfig, _build_synapse, needs=("embedder",)),
     ]

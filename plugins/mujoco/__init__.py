@@ -17,12 +17,11 @@ class MjcfConfig(MujocoConfig):
     """Options of ``mujoco``: those of :class:`MujocoConfig`.
 
     ``mjcf`` is the file. The arm is named by its ``base`` and ``tool`` bodies (z of the tool points out of the hand),
-    its ``joints`` from the base on, and the two sliding joints of its ``fingers``. Each joint of the arm has a motor or
-    a position actuator; ``gripper_actuators`` open the fingers towards the end of their control range
-    that is farther from zero. ``keyframe`` is the
-    initial state by name, "" for the model's own. The tool stays between ``workspace_low`` and ``workspace_high``, over
-    a support at ``table_height``. ``geom_groups`` are the groups that cameras see. There is no task but ``none`` and no
-    success check: say what to do by ``instruction=...``.
+    its ``joints`` from the base on, and the two sliding joints of its ``fingers``. Each joint of the arm has a
+    position actuator; ``gripper_actuators`` open the fingers towards the end of their control range that is farther
+    from zero. ``keyframe`` is the initial state by name, "" for the model's own. The tool stays between
+    ``workspace_low`` and ``workspace_high``, over a support at ``table_height``. ``geom_groups`` are the groups that
+    cameras see. There is no task but ``none`` and no success check: say what to do by ``instruction=...``.
     """
 
     required = ("mjcf", "base", "tool", "joints", "fingers", "gripper_actuators", "cameras")

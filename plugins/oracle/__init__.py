@@ -35,25 +35,14 @@ class OraclePerceiver:
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The true scene; neither images nor words are used."""
-        from gvla2.planning.colours import nearest_colours
-        from gvla2.planning.scene import Scene
+        from gvla2.perception.objects import colour_word, numbered, over_workspace
 
         scene = self._robot.true_scene()
-        inside = [
-            o for o in scene.objects if ((o.centre >= workspace.low) & (o.centre <= workspace.high))[:2].all()
-        ]
-        inside.sort(key=lambda o: tuple(o.centre.round(3)))
-        ids = {obj.id: f"o{k + 1}" for k, obj in enumerate(inside)}
-        objects = tuple(
-            replace(
-                o,
-                id=ids[o.id],
-                parent=ids.get(o.parent, ""),
-                colour=o.colour or nearest_colours(o.rgb, 1)[0][0],
-            )
-            for o in inside
+        inside = over_workspace(scene.objects, workspace)
+        coloured = [replace(obj, colour=obj.colour or colour_word(obj.rgb)[0]) for obj in inside]
+        return replace(
+            scene, objects=numbered(coloured), workspace=workspace, perceiver="oracle", notes=(NOTE,)
         )
-        return Scene(objects, scene.table_height, workspace, "oracle", (NOTE,))
 
 
 @hookimpl

@@ -1,11 +1,11 @@
-"""The camera of a robot: a live stream, its lens made straight, placed by that camera's hand-eye calibration."""
+"""The camera of a robot: a librealsense device, depth aligned to colour, placed by its hand-eye calibration."""
 
 from __future__ import annotations
 
 import ctypes
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,84 +19,12 @@ from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2_plugins.realsense import RealsenseConfig
-from gvla2_plugins.realsense.stream import Stream, name_of, serial_of
-
-NEGLIGIBLE = 0.25
-"""Pixels; below this distortion everywhere, pictures are left unchanged."""
-
-
-def pinhole(given: Any) -> Intrinsics:
-    """Our intrinsics of a stream's. librealsense counts from the first pixel's centre, we from its corner."""
-    return Intrinsics(
-        float(given.fx),
-        float(given.fy),
-        float(given.ppx) + 0.5,
-        float(given.ppy) + 0.5,
-        int(given.width),
-        int(given.height),
-    )
-
-
-@dataclass(frozen=True)
-class Lens:
-    """Where in the bent picture each pixel of the straight one lies: ``rows`` and ``columns`` (H, W), pixels."""
-
-    rows: NDArray[np.float32]
-    columns: NDArray[np.float32]
-
-    def image(self, bent: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The straight picture (H, W, 3); black where the bent one does not reach."""
-        return np.asarray(cv2.remap(bent, self.columns, self.rows, cv2.INTER_LINEAR), dtype=np.uint8)
-
-    def depth(self, bent: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The straight depth (H, W), each from the nearest pixel: averages across an edge would lie on no surface."""
-        nearest, outside = cv2.INTER_NEAREST, cv2.BORDER_CONSTANT
-        straight = cv2.remap(bent, self.columns, self.rows, nearest, borderMode=outside, borderValue=np.nan)
-        return np.asarray(straight, dtype=np.float32)
-
-
-def lens_of(rs: Any, given: Any) -> Lens | None:
-    """The undistortion of a stream's pictures, by librealsense's own model of its lens; None if not needed."""
-    if given.model == rs.distortion.none or not any(given.coeffs):
-        return None
-    columns, rows = np.meshgrid(np.arange(given.width, dtype=float), np.arange(given.height, dtype=float))
-    rays = np.stack([(columns - given.ppx) / given.fx, (rows - given.ppy) / given.fy, np.ones_like(rows)], -1)
-    project = rs.rs2_project_point_to_pixel
-    bent = np.array([project(given, ray) for ray in rays.reshape(-1, 3).tolist()]).reshape(*rows.shape, 2)
-    if not np.isfinite(bent).all():
-        raise RobotError(f"The camera reports an invalid lens: {given.model}, {list(given.coeffs)}.")
-    if np.abs(bent - np.stack([columns, rows], -1)).max() < NEGLIGIBLE:
-        return None
-    return Lens(bent[..., 1].astype(np.float32), bent[..., 0].astype(np.float32))
-
-
-@dataclass(frozen=True)
-class ColourAxis:
-    """Turns depths along the depth sensor's axis into depths along the colour camera's.
-
-    With colour_from_depth = (R, t), a point z_c r on the ray r of a colour pixel has z_d = R_3 . (z_c r - t), where
-    R_3 is the third column of R. ``shift`` is R_3 . t in metres, ``share`` (H, W) is R_3 . r.
-    """
-
-    shift: float
-    share: FloatArray
-
-    def depth(self, aligned: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Metres along the colour camera's z, (H, W); NaN stays NaN."""
-        return ((aligned + self.shift) / self.share).astype(np.float32)
-
-
-def colour_axis(extrinsics: Any, intrinsics: Intrinsics) -> ColourAxis:
-    """For straight colour pictures of ``intrinsics``; ``extrinsics`` are librealsense's, from depth to colour."""
-    column = np.array(extrinsics.rotation[6:9], dtype=np.float64)  # librealsense stores column after column
-    u, v = np.meshgrid(np.arange(intrinsics.width) + 0.5, np.arange(intrinsics.height) + 0.5)
-    rays = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy], -1)
-    share = rays @ column[:2] + column[2]  # (H, W)
-    return ColourAxis(float(column @ np.array(extrinsics.translation)), share)
-
 
 TOLERANCE = 0.02
 """How far the stream's focal length and principal point may be from the calibration's, as a share of its own."""
+
+_SLICE_MS = 250
+"""Longest single wait: in between, Ctrl-C and the connection are checked."""
 
 
 class RealsenseCamera:
@@ -108,32 +36,55 @@ class RealsenseCamera:
     """
 
     def __init__(self, config: RealsenseConfig, device: Any = None) -> None:
-        _check(config)
+        if not config.calibration:
+            raise ConfigurationError(
+                "camera=realsense needs to know where the camera stands: camera.calibration=FILE, made by "
+                "examples/08_hand_eye.py."
+            )
         path = Path(config.calibration).expanduser()
         calibration = Calibration.load(path)
-        rs = load()
+        self._rs = rs = load()
         if device is None:
-            try:
-                self._context = rs.context()  # kept: it is what notices that a plug was pulled
-                devices = list(self._context.query_devices())
-            except RuntimeError as error:
-                raise RobotError(f"librealsense can't look for cameras: {error}.") from error
-            several = len(devices) > 1
-            device = choose(rs, devices, config.serial or (calibration.serial if several else ""))
-        self.calibration = Calibration.load(path, config.serial or serial_of(rs, device))
-        self.serial = serial_of(rs, device)
-        if config.serial and config.serial != self.serial:
-            raise RobotError(f"camera.serial is '{config.serial}', the camera in use is '{self.serial}'.")
-        size = (calibration.intrinsics.width, calibration.intrinsics.height)
+            self._context = rs.context()  # kept: it is what notices that a plug was pulled
+            found = {serial_of(rs, one): one for one in self._context.query_devices()}
+            wanted = config.serial or (calibration.serial if len(found) > 1 else next(iter(found), ""))
+            if wanted not in found:
+                raise RobotError(
+                    f"librealsense finds no camera '{wanted}'; there is {', '.join(found) or 'none'}. Choose one by "
+                    "camera.serial=..., or plug it into a USB 3 port; on Linux, librealsense's udev rules give users "
+                    "access to it. L5xx and SR3xx cameras need pyrealsense2<2.55."
+                )
+            device = found[wanted]
+        self._device, self.serial = device, serial_of(rs, device)
+        self.calibration = Calibration.load(path, config.serial or self.serial)
         self._timeout = config.timeout
-        self._stream = Stream(rs, device, size, config.fps)
+        self._align, self._queue, self._last = rs.align(rs.stream.color), rs.syncer(), [-1, -1]
+        self._running: list[Any] = []
+        size = calibration.intrinsics.width, calibration.intrinsics.height
+        colour = self._profile(rs.stream.color, rs.format.rgb8, size, config.fps, "colour")
+        depth = self._profile(rs.stream.depth, rs.format.z16, size, config.fps, "depth")
+        self._sizes, self._period = [_size(profile) for _, profile in (colour, depth)], 1.0 / config.fps
+        given = colour[1].as_video_stream_profile().get_intrinsics()
+        # librealsense counts from the first pixel's centre, we from its corner.
+        centre = float(given.ppx) + 0.5, float(given.ppy) + 0.5
+        self.intrinsics = Intrinsics(float(given.fx), float(given.fy), *centre, *size)
+        _agree(self.intrinsics, calibration, path)
+        self._lens = lens_of(rs, given)
         try:
-            self.intrinsics = pinhole(self._stream.intrinsics)
-            _agree(self.intrinsics, calibration, path)
-            self._axis = colour_axis(self._stream.extrinsics, self.intrinsics)
-            self._lens = lens_of(rs, self._stream.intrinsics)
+            self._shift, self._share = _colour_axis(depth[1].get_extrinsics_to(colour[1]), self.intrinsics)
+            by_sensor: dict[str, tuple[Any, list[Any]]] = {}  # some have one sensor for both
+            for sensor, profile in (colour, depth):
+                name = sensor.get_info(rs.camera_info.name)
+                by_sensor.setdefault(name, (sensor, []))[1].append(profile)
+            for sensor, profiles in by_sensor.values():
+                sensor.open(profiles)
+                self._running.append(sensor)
+                sensor.start(self._queue)
             for _ in range(config.warm_up + 1):  # the last shows that pictures do come
-                self._stream.next(0.0, config.timeout)
+                self._next(0.0)
+        except RuntimeError as error:  # the only type that librealsense raises
+            self.close()
+            raise RobotError(f"The camera '{self.serial}' can't be started: {error}.") from error
         except BaseException:
             self.close()
             raise
@@ -148,32 +99,98 @@ class RealsenseCamera:
 
         Raises :class:`RobotError` when the camera was unplugged, is frozen, or changes its pictures' size.
         """
-        camera = replace(self.calibration, intrinsics=self.intrinsics).camera(
-            f"realsense-{self.serial}", base_from_tcp
-        )
-        picture = self._stream.next(time.time(), self._timeout)
-        image, depth = picture.image, picture.depth
+        placed = replace(self.calibration, intrinsics=self.intrinsics)
+        camera = placed.camera(f"realsense-{self.serial}", base_from_tcp)
+        frames, exposed = self._next(time.time())
+        aligned = self._align.process(frames)
+        image = np.array(np.asanyarray(aligned.get_color_frame().get_data()))  # the frame's memory goes back
+        raw = aligned.get_depth_frame()
+        depth = np.asanyarray(raw.get_data()).astype(np.float32) * np.float32(raw.get_units())
+        depth = np.where(depth > 0, depth, np.float32(np.nan))
         if self._lens is not None:
-            image, depth = self._lens.image(image), self._lens.depth(depth)
-        depth = self._axis.depth(depth)
-        return CameraFrames((View(camera, image, depth),), (picture.exposed,))
+            image = np.asarray(cv2.remap(image, *self._lens, cv2.INTER_LINEAR), dtype=np.uint8)
+            # From the nearest pixel: averages across an edge would lie on no surface.
+            depth = cv2.remap(depth, *self._lens, cv2.INTER_NEAREST, borderValue=np.nan)
+        depth = ((depth + self._shift) / self._share).astype(np.float32)
+        return CameraFrames((View(camera, image, depth),), (exposed,))
 
     def close(self) -> None:
-        """Stop streaming; safe to call twice."""
-        self._stream.close()
+        """Stop the sensors; safe to call twice, and after the plug was pulled."""
+        for sensor in reversed(self._running):
+            for end in (sensor.stop, sensor.close):
+                try:
+                    end()
+                except RuntimeError:
+                    continue  # never started, or unplugged: nothing to stop
+        self._running = []
+
+    def _profile(self, stream: Any, kind: Any, size: tuple[int, int], fps: int, what: str) -> tuple[Any, Any]:
+        """The sensor and profile of a stream at ``fps``: colour of exactly ``size``, depth of the nearest size."""
+        sensors = self._device.query_sensors()
+        offers = [(sensor, profile) for sensor in sensors for profile in sensor.get_stream_profiles()]
+        offers = [o for o in offers if o[1].stream_type() == stream and o[1].format() == kind]
+
+        def distance(offer: tuple[Any, Any]) -> float:
+            return float(np.abs(np.subtract(_size(offer[1]), size)).sum())
+
+        fit = min((o for o in offers if o[1].fps() == fps), key=distance, default=None)
+        if fit is None or (what == "colour" and distance(fit) > 0):
+            have = ", ".join(sorted({"{}x{}@{}".format(*_size(p), p.fps()) for _, p in offers})) or "none"
+            raise RobotError(
+                f"The camera '{self.serial}' has no {what} of {size[0]}x{size[1]} at {fps} a second; it has {have}. "
+                "The colour's size is the calibration's. A USB 3 port offers more than USB 2."
+            )
+        return fit
+
+    def _next(self, began: float) -> tuple[Any, float]:
+        """The first new pair of frames exposed after ``began``, and when it was exposed, both in ``time.time()``."""
+        if not self._running:
+            raise RobotError(f"The camera '{self.serial}' is closed.")
+        deadline = time.monotonic() + self._timeout
+        while time.monotonic() < deadline:
+            waited, frames = self._queue.try_wait_for_frames(_SLICE_MS)
+            exposed = time.time() - self._period  # at the earliest: a frame arrives within its period
+            if not waited:
+                continue
+            pair = (frames.get_color_frame(), frames.get_depth_frame())
+            if not all(pair) or not self._advanced(pair):
+                continue
+            if exposed >= began and [(f.get_width(), f.get_height()) for f in pair] == self._sizes:
+                return frames, exposed
+        why = "Is its cable firm?" if self._device.is_connected() else "It was unplugged."
+        raise RobotError(
+            f"The camera '{self.serial}' gave no new pair of colour and depth within {self._timeout:g} s. {why}"
+        )
+
+    def _advanced(self, pair: Sequence[Any]) -> bool:
+        """Whether both frames are new: a frozen camera repeats old ones."""
+        numbers = [frame.get_frame_number() for frame in pair]
+        fresh = all(new != old for new, old in zip(numbers, self._last, strict=True))
+        self._last = numbers if fresh else self._last
+        return fresh
 
 
-def _check(config: RealsenseConfig) -> None:
-    if not config.calibration:
-        raise ConfigurationError(
-            "camera=realsense needs to know where the camera stands: camera.calibration=FILE, made by "
-            "`gvla2 calibrate`."
-        )
-    if config.fps <= 0 or config.warm_up < 0 or not 0 < config.timeout < float("inf"):
-        raise ConfigurationError(
-            f"camera.fps={config.fps} and camera.timeout={config.timeout} must be above 0, and "
-            f"camera.warm_up={config.warm_up} not below."
-        )
+def lens_of(rs: Any, given: Any) -> tuple[NDArray[np.float32], NDArray[np.float32]] | None:
+    """Columns and rows (H, W) in the bent picture of each pixel of the straight one; None for a straight lens."""
+    if given.model == rs.distortion.none or not any(given.coeffs):
+        return None
+    columns, rows = np.meshgrid(np.arange(given.width, dtype=float), np.arange(given.height, dtype=float))
+    rays = np.stack([(columns - given.ppx) / given.fx, (rows - given.ppy) / given.fy, np.ones_like(rows)], -1)
+    bent = np.array([rs.rs2_project_point_to_pixel(given, ray) for ray in rays.reshape(-1, 3).tolist()])
+    x, y = bent.astype(np.float32).T.reshape(2, *rows.shape)
+    return np.ascontiguousarray(x), np.ascontiguousarray(y)
+
+
+def _colour_axis(extrinsics: Any, intrinsics: Intrinsics) -> tuple[float, FloatArray]:
+    """What turns depths z_d along the depth sensor's axis into z_c along the colour camera's: shift, share (H, W).
+
+    With colour_from_depth = (R, t), a point z_c r on the ray r of a colour pixel has z_d = R_3 . (z_c r - t), where
+    R_3 is the third column of R. The shift is R_3 . t in metres, the share R_3 . r.
+    """
+    column = np.array(extrinsics.rotation[6:9], dtype=np.float64)  # librealsense stores column after column
+    u, v = np.meshgrid(np.arange(intrinsics.width) + 0.5, np.arange(intrinsics.height) + 0.5)
+    rays = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy], -1)
+    return float(column @ np.array(extrinsics.translation)), rays @ column[:2] + column[2]
 
 
 def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
@@ -193,10 +210,7 @@ def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
 
 
 def load() -> Any:
-    """The module ``pyrealsense2``.
-
-    Raises :class:`MissingDependencyError` when it, or its libusb, is missing.
-    """
+    """The module ``pyrealsense2``; raises :class:`MissingDependencyError` when it, or its libusb, is missing."""
     try:  # so that pyrealsense2 finds libusb's symbols; without this package the system's own may still work
         import libusb_package
 
@@ -206,29 +220,19 @@ def load() -> Any:
     try:
         import pyrealsense2
     except ImportError as error:
-        missing = (
-            "pyrealsense2"
-            if error.name == "pyrealsense2"
-            else f"a library that pyrealsense2 links to ({error})"
-        )
+        what = f"pyrealsense2 ({error})"
         raise MissingDependencyError(
-            missing, "camera=realsense", "pip install 'gvla2[realsense]'", "Apache-2.0"
+            what, "camera=realsense", "pip install 'gvla2[realsense]'", "Apache-2.0"
         ) from error
     return pyrealsense2
 
 
-def choose(rs: Any, devices: Sequence[Any], serial: str = "") -> Any:
-    """The device of that serial, or the only one there is.
+def serial_of(rs: Any, device: Any) -> str:
+    """The device's serial number, "" for a device that has none."""
+    number = rs.camera_info.serial_number
+    return str(device.get_info(number)) if device.supports(number) else ""
 
-    Raises :class:`RobotError`, listing the connected ones.
-    """
-    found = {serial_of(rs, d): d for d in devices if name_of(rs, d) != "Platform Camera"}
-    if serial in found or (len(found) == 1 and not serial):
-        return found[serial or next(iter(found))]
-    listing = ", ".join(f"{name_of(rs, device)} '{key}'" for key, device in found.items()) or "none"
-    asked = f" with the serial '{serial}'" if serial else ""
-    raise RobotError(
-        f"librealsense finds no single camera{asked}; there is {listing}. Choose one by camera.serial=..., or plug it "
-        "into a USB 3 port; on Linux, librealsense's udev rules give users access to it. L5xx and SR3xx cameras need "
-        "pyrealsense2<2.55."
-    )
+
+def _size(profile: Any) -> tuple[int, int]:
+    video = profile.as_video_stream_profile()
+    return video.width(), video.height()

@@ -19,14 +19,13 @@ if TYPE_CHECKING:
 class SamConfig(NamingOptions, ComponentConfig):
     """Options of the ``sam`` perceiver.
 
-    ``weights``: a folder with one encoder and one decoder of SAM 2 as ONNX. ``threads``: of one encode, 0 for all.
-    ``min_points``: fewer pixels, over all views, are a speck. ``min_height``: what rises less is table, metres; more
-    where depth is noisy. ``min_score``: masks with a lower score are replaced by what is connected in 3D.
-    ``localize``: whether ``vision`` is asked to click at what the instruction means, five rounds at most.
+    ``weights``: a folder with one encoder and one decoder of SAM 2 as ONNX. ``min_points``: fewer pixels, over all
+    views, are a speck. ``min_height``: what rises less is table, metres; more where depth is noisy. ``min_score``:
+    masks with a lower score are replaced by what is connected in 3D. ``localize``: whether ``vision`` is asked to click
+    at what the instruction means, five rounds at most.
     """
 
     weights: str = ""
-    threads: int = 0
     min_points: int = 14
     min_height: float = 0.004
     min_score: float = 0.5

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -30,54 +31,43 @@ class Sam2Onnx:
     Raises :class:`MissingDependencyError` without ONNX Runtime or files, :class:`ConfigurationError` for another model.
     """
 
-    def __init__(self, folder: str, threads: int) -> None:
+    def __init__(self, folder: str) -> None:
         encoder, decoder = model_files(folder)
-        self._encoder, self._decoder = _session(str(encoder), threads), _session(str(decoder), threads)
+        self._encoder, self._decoder = _session(str(encoder)), _session(str(decoder))
         _check_names(encoder, self._encoder, ("image",), FEATURES)
         _check_names(decoder, self._decoder, DECODER_INPUTS, ("masks", "iou_predictions"))
 
-    def encode(self, image: NDArray[np.uint8]) -> EncodedOnnx:
+    def encode(self, image: NDArray[np.uint8]) -> Callable[[list[Prompt]], Segments]:
         """Encode one picture (H, W, 3) RGB."""
         grown = Image.fromarray(image).resize((SIDE, SIDE), Image.Resampling.BILINEAR)
         pixels = ((np.asarray(grown) / 255.0 - MEAN) / DEVIATION).transpose(2, 0, 1)
-        names = [output.name for output in self._encoder.get_outputs()]
-        features = self._encoder.run(names, {"image": np.ascontiguousarray(pixels[None], dtype=np.float32)})
-        return EncodedOnnx(self._decoder, dict(zip(names, features, strict=True)), image.shape[:2])
+        inputs = {"image": np.ascontiguousarray(pixels[None], dtype=np.float32)}
+        features = dict(zip(FEATURES, self._encoder.run(list(FEATURES), inputs), strict=True))
+        return partial(self._segment, features, image.shape[:2])
 
-
-class EncodedOnnx:
-    """A picture's features, ready for prompts."""
-
-    def __init__(self, decoder: Any, features: dict[str, NDArray[np.float32]], size: tuple[int, int]) -> None:
-        self._decoder, self._features, self._size = decoder, features, size
-
-    def segment(self, prompts: list[Prompt]) -> Segments:
-        """The masks for the prompts; K = 0 is allowed."""
-        found = [self._batch(prompts[i : i + BATCH]) for i in range(0, len(prompts), BATCH)]
-        if not found:
-            return Segments(np.zeros((0, 1, *self._size), np.float32), np.zeros((0, 1)))
-        return Segments(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
-
-    def _batch(self, prompts: list[Prompt]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-        coordinates, labels = _encoded(prompts, self._size)
-        masks, scores = self._decoder.run(
-            ["masks", "iou_predictions"],
-            {
-                **{name: self._features[name] for name in FEATURES},
-                "point_coords": coordinates,
-                "point_labels": labels,
-                "mask_input": np.zeros((len(prompts), 1, SIDE // 4, SIDE // 4), np.float32),
-                "has_mask_input": np.zeros(1, np.float32),
-            },
-        )
-        return _enlarged(masks, self._size), np.clip(scores.astype(np.float64), 0.0, 1.0)
-
-
-def _enlarged(masks: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
-    """Logits (K, C, h, w) at another size (H, W), bilinear."""
-    flat = masks.reshape(-1, *masks.shape[2:])
-    grown = [np.asarray(Image.fromarray(m).resize(size[::-1], Image.Resampling.BILINEAR)) for m in flat]
-    return np.array(grown, dtype=np.float32).reshape(*masks.shape[:2], *size)
+    def _segment(
+        self, features: dict[str, NDArray[np.float32]], size: tuple[int, int], prompts: list[Prompt]
+    ) -> Segments:
+        masks, scores = [], []
+        for start in range(0, len(prompts), BATCH):
+            coordinates, labels = _encoded(prompts[start : start + BATCH], size)
+            logits, found = self._decoder.run(
+                ["masks", "iou_predictions"],
+                {
+                    **features,
+                    "point_coords": coordinates,
+                    "point_labels": labels,
+                    "mask_input": np.zeros((len(labels), 1, SIDE // 4, SIDE // 4), np.float32),
+                    "has_mask_input": np.zeros(1, np.float32),
+                },
+            )
+            grown = [
+                [np.asarray(Image.fromarray(m).resize(size[::-1], Image.Resampling.BILINEAR)) for m in each]
+                for each in logits
+            ]
+            masks.append(np.array(grown) > 0)
+            scores.append(np.clip(found.astype(np.float64), 0.0, 1.0))
+        return Segments(np.concatenate(masks), np.concatenate(scores))
 
 
 def _encoded(prompts: list[Prompt], size: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -107,14 +97,14 @@ def model_files(folder: str) -> tuple[Path, Path]:
 
 
 @cache
-def _session(path: str, threads: int) -> Any:
+def _session(path: str) -> Any:
     """One session per file and process: the weights take hundreds of megabytes."""
     try:
         import onnxruntime
     except ImportError as error:
         raise MissingDependencyError("onnxruntime", "perceiver=sam", "pip install 'gvla2[sam]'") from error
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads, options.log_severity_level = threads, 3
+    options.log_severity_level = 3
     options.enable_mem_pattern = False  # a second set of buffers: 600 MB that save no time
     try:
         return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])

@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
 from gvla2.perception.clicks import Prompt, Segmenter, Segments, localized
-from gvla2.perception.clusters import Clusters, IntArray, MaskCandidate, clusters, fuse, iou, objects_of
+from gvla2.perception.clusters import IntArray, MaskCandidate, clusters, fuse, iou, objects_of
 from gvla2.perception.frames import BoolArray, ViewFrame, frames_of, raised
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import numbered, over_workspace
@@ -36,15 +36,14 @@ class SamPerceiver:
     """
 
     def __init__(self, config: SamConfig, segmenter: Segmenter | None = None) -> None:
-        sizes = config.min_points >= 3 and config.min_height > 0 and config.threads >= 0
-        if not sizes or not 0 <= config.min_score <= 1:
+        if config.min_points < 3 or not config.min_height > 0 or not 0 <= config.min_score <= 1:
             raise ConfigurationError(
-                "perceiver=sam: min_points must be at least 3, min_height above 0, min_score in [0, 1], threads >= 0."
+                "perceiver=sam: min_points must be at least 3, min_height above 0, min_score in [0, 1]."
             )
         self._config = config
         self._vision = vision_model(config.vision, "perceiver.localize") if config.localize else None
         self._labellers = labellers(config)
-        self._segmenter = segmenter or Sam2Onnx(config.weights, config.threads)
+        self._segmenter = segmenter or Sam2Onnx(config.weights)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene inside ``workspace``, objects ordered by x, then y.
@@ -54,15 +53,14 @@ class SamPerceiver:
         """
         config = self._config
         frames, table, notes = frames_of(observation.views, workspace)
-        found = clusters(
-            frames, [raised(f, table, workspace, config.min_height) for f in frames], config.min_points
-        )
-        answers = self._answers(frames, found)
+        masks = [raised(frame, table, workspace, config.min_height) for frame in frames]
+        found = clusters(frames, masks, config.min_points)
+        answers = [self._answers(frame, image) for frame, image in zip(frames, found, strict=True)]
         whole = wholes(found, answers)
         candidates = [
             each
-            for number, given in enumerate(answers)
-            for each in self._drawn(number, found.maps[number], whole, given)
+            for view, (image, given) in enumerate(zip(found, answers, strict=True))
+            for each in self._drawn(view, image, whole, given)
         ]
         placed, small = objects_of(fuse(frames, candidates), frames, table, config.min_points)
         objects = numbered(over_workspace(placed, workspace))
@@ -71,54 +69,42 @@ class SamPerceiver:
             scene = localized(scene, frames, self._segmenter, table, instruction, self._vision, config.vision)
         return labelled(scene, observation, self._labellers)
 
-    def _answers(self, frames: Sequence[ViewFrame], found: Clusters) -> list[dict[int, Segments]]:
-        """For each picture the answer for each cluster that is in sight there."""
-        answers: list[dict[int, Segments]] = []
-        for frame, clustered in zip(frames, found.maps, strict=True):
-            shown = np.unique(clustered[in_sight(clustered)]).tolist()
-            if not shown:
-                answers.append({})
-                continue
-            prompts = [prompt_for(clustered == k) for k in shown]
-            given = self._segmenter.encode(frame.view.image).segment(prompts)
-            each = [Segments(given.logits[i : i + 1], given.scores[i : i + 1]) for i in range(len(shown))]
-            answers.append(dict(zip(shown, each, strict=True)))
-        return answers
+    def _answers(self, frame: ViewFrame, clustered: IntArray) -> dict[int, Segments]:
+        """The answer for each cluster that shows enough of itself in a picture to be asked for there."""
+        shown, counts = np.unique(clustered[clustered >= 0], return_counts=True)
+        asked = shown[counts >= LEAST].tolist()
+        if not asked:
+            return {}
+        given = self._segmenter.encode(frame.view.image)([prompt_for(clustered == k) for k in asked])
+        return {k: Segments(given.masks[i : i + 1], given.scores[i : i + 1]) for i, k in enumerate(asked)}
 
     def _drawn(
-        self, number: int, clustered: IntArray, whole: Sequence[int], answers: Mapping[int, Segments]
+        self, view: int, clustered: IntArray, whole: Sequence[int], answers: Mapping[int, Segments]
     ) -> list[MaskCandidate]:
         """A candidate for each object that is in sight in one picture, from the answers of its clusters."""
         groups = np.where(clustered >= 0, np.asarray([*whole, -1])[clustered], -1)
         drawn: dict[int, tuple[BoolArray, float]] = {}
         for k, answer in answers.items():
-            own = groups == whole[k]
+            own, part = groups == whole[k], clustered == k
             mask, score = best_mask(answer, own, (groups >= 0) & ~own)
-            part = clustered == k
             if score < self._config.min_score or (mask & part).sum() < AGREES * part.sum():
                 mask, score = part, self._config.min_score
             before = drawn.get(whole[k], (np.zeros_like(mask), 0.0))
             drawn[whole[k]] = (before[0] | mask, max(before[1], score))
-        return [MaskCandidate(number, mask, score, seed=k) for k, (mask, score) in drawn.items()]
+        return [MaskCandidate(view, mask, score, seed=k) for k, (mask, score) in drawn.items()]
 
 
-def in_sight(clustered: IntArray) -> BoolArray:
-    """(H, W) the pixels of clusters that show enough of themselves in a picture to ask for them there."""
-    counts = np.bincount(clustered[clustered >= 0])
-    return np.append(counts >= LEAST, False)[clustered]  # -1 is the last
-
-
-def wholes(found: Clusters, answers: Sequence[Mapping[int, Segments]]) -> list[int]:
+def wholes(found: Sequence[IntArray], answers: Sequence[Mapping[int, Segments]]) -> list[int]:
     """For each cluster the one that it belongs to, mostly itself.
 
     Depth tears apart what thin struts hold together: where the masks of a larger cluster cover a smaller one, in the
     pictures that show both, the two are one object.
     """
-    whole = list(range(found.count))
-    for small in range(found.count):
+    whole = list(range(1 + max(int(image.max()) for image in found)))
+    for small in range(len(whole)):
         for large in range(small):
             covered = []
-            for clustered, given in zip(found.maps, answers, strict=True):
+            for clustered, given in zip(found, answers, strict=True):
                 part = clustered == small
                 if large in given and part.any():
                     own = clustered == large
@@ -145,7 +131,7 @@ def best_mask(answer: Segments, own: BoolArray, others: BoolArray) -> tuple[Bool
     ``own`` are the pixels that asked, ``others`` those of other clusters.
     """
     around = binary_dilation(own, np.ones((3, 3), bool), iterations=LEAK) & ~others
-    masks = [np.asarray(mask & around) for mask in answer.masks()[0]]
+    masks = [np.asarray(mask & around) for mask in answer.masks[0]]
     worth = [score + iou(mask, own) for mask, score in zip(masks, answer.scores[0], strict=True)]
     best = int(np.argmax(worth))
     return masks[best], float(answer.scores[0][best])

@@ -1,12 +1,11 @@
-"""SAM3D and related programs: finished results, or runs from the user's own checkout in a separate process.
+"""MV-SAM3D: finished results of it and related programs, or runs from the user's own checkout.
 
-gvla2 ships neither their code nor their weights: both have their own licences.
+gvla2 ships neither its code nor its weights: both have their own licences.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
@@ -30,7 +29,7 @@ class ResultTreeConfig(ComponentConfig):
 
 @dataclass
 class ExternalConfig(ComponentConfig):
-    """Options of ``mv_sam3d``, ``sam3d`` and ``fast_sam3d``.
+    """Options of ``mv_sam3d``.
 
     ``checkout``: folder of the program's own repository. ``python``: interpreter of the environment that it was
     installed into. ``timeout_s``: seconds after which the program is ended. ``gaussians`` as in ``result_tree``.
@@ -42,10 +41,11 @@ class ExternalConfig(ComponentConfig):
     gaussians: int = 15_000
 
 
-def _build(program: str, config: ExternalConfig) -> Reconstructor:
+def _external(config: ExternalConfig) -> Reconstructor:
+    """Runs your checkout of MV-SAM3D on all views."""
     from gvla2_plugins.sam3d.external import ExternalReconstructor
 
-    return ExternalReconstructor(program, config)
+    return ExternalReconstructor(config)
 
 
 def _finished(config: ResultTreeConfig) -> Reconstructor:
@@ -57,16 +57,8 @@ def _finished(config: ResultTreeConfig) -> Reconstructor:
 
 @hookimpl
 def gvla2_reconstructors() -> list[Component[Reconstructor]]:
-    """``reconstructor=result_tree | mv_sam3d | sam3d | fast_sam3d``."""
-
-    def external(name: str, what: str) -> Component[Reconstructor]:
-        return Component(
-            name, ExternalConfig, partial(_build, name), summary=f"Runs your checkout of {what}."
-        )
-
+    """``reconstructor=result_tree``, ``reconstructor=mv_sam3d``."""
     return [
         Component("result_tree", ResultTreeConfig, _finished),
-        external("mv_sam3d", "MV-SAM3D on all views"),
-        external("sam3d", "SAM 3D Objects on the best view"),
-        external("fast_sam3d", "Fast-SAM3D on the best view"),
+        Component("mv_sam3d", ExternalConfig, _external),
     ]

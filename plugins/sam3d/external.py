@@ -1,4 +1,4 @@
-"""External programs as reconstructors: which there are, the scene they read, running one to its end, and its result."""
+"""MV-SAM3D as a reconstructor: the scene that it reads, running it to its end, and its result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import signal
 import subprocess
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,78 +25,38 @@ if TYPE_CHECKING:
     from gvla2_plugins.sam3d import ExternalConfig
 
 
-@dataclass(frozen=True)
-class ExternalProgram:
-    """One external program: its repository, a file by which a checkout is known, its command and its results.
-
-    ``command`` runs in the checkout. Its words and ``results``, a pattern below the checkout or the output folder, have
-    places: ``{python}``, ``{runner}``, ``{scene}``, ``{name}`` (of the scene's folder), ``{output}``, ``{image}``.
-    """
-
-    title: str
-    source: str
-    script: str
-    command: tuple[str, ...]
-    results: str
-
-
-_SAM = "SAM License of Meta"
+TITLE, ASKED = "MV-SAM3D", "reconstructor=mv_sam3d"
+SOURCE, SCRIPT = "https://github.com/devinli123/MV-SAM3D", "run_inference_weighted.py"
+"""Its repository, and the file by which a checkout is known."""
+_LICENCE = "SAM License of Meta"
 _WEIGHTS = (
     "request access to facebook/sam-3d-objects on Hugging Face, `hf auth login`, then `hf download --repo-type model "
     "--local-dir checkpoints/hf-download facebook/sam-3d-objects` and move checkpoints/hf-download/checkpoints to "
     "checkpoints/hf"
 )
-PROGRAMS = {
-    "mv_sam3d": ExternalProgram(
-        "MV-SAM3D", "https://github.com/devinli123/MV-SAM3D", "run_inference_weighted.py",
-        ("{python}", "run_inference_weighted.py", "--input_path", "{scene}", "--mask_prompt", "object"),
-        "visualization/{name}/object/*/result.glb",
-    ),
-    "sam3d": ExternalProgram(
-        "SAM 3D Objects", "https://github.com/facebookresearch/sam-3d-objects", "notebook/inference.py",
-        ("{python}", "{runner}", "{image}", "{output}"),
-        "{output}/result.glb",
-    ),
-    "fast_sam3d": ExternalProgram(
-        "Fast-SAM3D", "https://github.com/wlfeng0509/Fast-SAM3D", "notebook/infer.py",
-        ("{python}", "notebook/infer.py", "--image_path", "{image}", "--mask_index", "0", "--output_dir", "{output}",
-         "--enable_acceleration"),
-        "{output}/**/*.glb",
-    ),
-}  # fmt: skip
 OBJECT = "object"
 """The prompt, and the folder of masks."""
 _TAIL = 15  # lines of the log in a message
 
 
-def write_scene(scene: Path, views: Views) -> Path:
-    """Write the views below ``scene`` and return the picture of the view that shows most of the object.
-
-    Raises :class:`GeometryError` when no view has a mask.
-    """
+def write_scene(scene: Path, views: Views) -> None:
+    """Write the views that show the object below ``scene``; raises :class:`GeometryError` when none does."""
     shown = tuple(view for view in views if view.mask is not None and (view.mask > 0.5).any())
     if not shown:
-        raise GeometryError("No view has a mask that shows the object, and external programs need one.")
+        raise GeometryError(f"No view has a mask that shows the object, and {TITLE} needs one.")
     write_plain(scene, Views(shown))
-    single = scene / "single"
-    single.mkdir()
     (scene / OBJECT).mkdir()
-    # RGBA whose alpha is the mask, hard: readers take any alpha above 0 for the object.
-    alphas = [np.where(view.mask > 0.5, 255, 0).astype(np.uint8) for view in shown if view.mask is not None]
-    cut_out = [Image.fromarray(np.dstack([v.image, a])) for v, a in zip(shown, alphas, strict=True)]
-    for number, picture in enumerate(cut_out):
-        picture.save(scene / OBJECT / f"{number}.png")
-    best = int(np.argmax([alpha.mean() for alpha in alphas]))
-    Image.fromarray(shown[best].image).save(single / "image.png")
-    cut_out[best].save(single / "0.png")
-    return single / "image.png"
+    for number, view in enumerate(shown):
+        # RGBA whose alpha is the mask, hard: readers take any alpha above 0 for the object.
+        alpha = np.where(view.mask > 0.5, 255, 0).astype(np.uint8)  # type: ignore[operator]  # it has a mask
+        Image.fromarray(np.dstack([view.image, alpha])).save(scene / OBJECT / f"{number}.png")
 
 
 class ExternalRunError(Gvla2Error):
-    """An external program failed, exceeded its time or left no result; the message ends with the end of its log."""
+    """The program failed, exceeded its time or left no result; the message ends with the end of its log."""
 
 
-def run_program(title: str, command: Sequence[str], folder: Path, log: Path, timeout_s: float) -> None:
+def run_program(command: Sequence[str], folder: Path, log: Path, timeout_s: float) -> None:
     """Run ``command`` in ``folder`` with its output in ``log``; whatever it started is killed at the end.
 
     Raises :class:`ExternalRunError`, and :class:`MissingDependencyError` when the command does not exist.
@@ -110,7 +69,7 @@ def run_program(title: str, command: Sequence[str], folder: Path, log: Path, tim
             process = subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True, **pipes)
         except (OSError, ValueError) as error:
             raise MissingDependencyError(
-                f"'{command[0]}' ({error})", title, f"reconstructor.python=PATH of {title}'s environment"
+                f"'{command[0]}' ({error})", TITLE, f"reconstructor.python=PATH of {TITLE}'s environment"
             ) from error
         how = ""
         try:
@@ -124,20 +83,26 @@ def run_program(title: str, command: Sequence[str], folder: Path, log: Path, tim
             process.wait()
     if how:
         lines = log.read_text("utf-8", errors="replace").strip().splitlines()[-_TAIL:]
-        raise ExternalRunError("\n  ".join([f"{title} {how}: {' '.join(command)}", *lines]))
+        raise ExternalRunError("\n  ".join([f"{TITLE} {how}: {' '.join(command)}", *lines]))
 
 
 class ExternalReconstructor:
-    """Runs one of :data:`PROGRAMS` once for each call.
+    """Runs MV-SAM3D once for each call.
 
     Checks the checkout and the weights when it is made, before any work is done. Raises
     :class:`MissingDependencyError` for what is missing and :class:`ConfigurationError` for invalid options.
     """
 
-    def __init__(self, program: str, config: ExternalConfig) -> None:
-        self._program, self._config = PROGRAMS[program], config
+    def __init__(self, config: ExternalConfig) -> None:
         check_ranges(config, "reconstructor", {"timeout_s": (1e-3, 1e9, "s")})
-        self._checkout = self._find_checkout()
+        self._config, self._checkout = config, Path(config.checkout).expanduser().resolve()
+        clone = f"git clone {SOURCE}, follow its installation, then reconstructor.checkout=PATH"
+        if not config.checkout or not (self._checkout / SCRIPT).is_file():
+            what = f"a checkout of {TITLE} (no {SCRIPT} in reconstructor.checkout='{config.checkout}')"
+            raise MissingDependencyError(what, ASKED, clone, _LICENCE)
+        if not (self._checkout / "checkpoints/hf/pipeline.yaml").exists():
+            what = f"checkpoints/hf/pipeline.yaml in the checkout {self._checkout} (the weights)"
+            raise MissingDependencyError(what, ASKED, _WEIGHTS, _LICENCE)
 
     def reconstruct(self, views: Views) -> Reconstruction:
         """The program's result in the views' frame.
@@ -145,34 +110,16 @@ class ExternalReconstructor:
         Raises :class:`ExternalRunError` when it fails, takes too long or leaves no result, and
         :class:`gvla2.errors.GeometryError` when its result cannot be read.
         """
-        c, program, checkout = self._config, self._program, self._checkout
         with tempfile.TemporaryDirectory(prefix="gvla2_") as folder:
             place = Path(folder).resolve()
-            # The program may name its own folders after the scene's, so that name must be unique.
-            scene, output = place / place.name, place / "output"
-            output.mkdir()
-            image, runner = write_scene(scene, views), Path(__file__).with_name("sam3d_runner.py")
-            names = {"python": c.python, "runner": runner, "scene": scene, "name": scene.name}
-            names |= {"output": output, "image": image}
-            command = [word.format(**names) for word in program.command]
-            run_program(program.title, command, checkout, place / "log.txt", c.timeout_s)
-            pattern = program.results.format(**names).removeprefix(f"{output}/")
-            found = [*checkout.glob(pattern), *output.glob(pattern)]
-            if not found:
-                raise ExternalRunError(
-                    f"{program.title} ended well but left no result; looked for {pattern}."
-                )
-            newest = max(found, key=lambda f: (f.stat().st_mtime_ns, f.name))
-            return align_result(*read_result(newest.parent, newest.stem), views, c.gaussians)
-
-    def _find_checkout(self) -> Path:
-        p, c, asked = self._program, self._config, f"reconstructor={self._config.name}"
-        clone = f"git clone {p.source}, follow its installation, then reconstructor.checkout=PATH"
-        checkout = Path(c.checkout).expanduser().resolve()
-        if not c.checkout or not (checkout / p.script).is_file():
-            what = f"a checkout of {p.title} (no {p.script} in reconstructor.checkout='{c.checkout}')"
-            raise MissingDependencyError(what, asked, clone, _SAM)
-        if not (checkout / "checkpoints/hf/pipeline.yaml").exists():
-            what = f"checkpoints/hf/pipeline.yaml in the checkout {checkout} (the weights)"
-            raise MissingDependencyError(what, asked, _WEIGHTS, _SAM)
-        return checkout
+            scene = place / place.name  # the program names its results after it, so it must be unique
+            write_scene(scene, views)
+            command = [self._config.python, SCRIPT, "--input_path", str(scene), "--mask_prompt", OBJECT]
+            run_program(command, self._checkout, place / "log.txt", self._config.timeout_s)
+            pattern = f"visualization/{scene.name}/{OBJECT}/*/result.glb"
+            found = max(
+                self._checkout.glob(pattern), key=lambda f: (f.stat().st_mtime_ns, f.name), default=None
+            )
+            if found is None:
+                raise ExternalRunError(f"{TITLE} ended well but left no result; looked for {pattern}.")
+            return align_result(*read_result(found.parent), views, self._config.gaussians)

@@ -23,12 +23,11 @@ from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.gaussians import Gaussians, read_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_agreement, mask_iou, mask_silhouettes
-from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
 
 if TYPE_CHECKING:
@@ -39,22 +38,22 @@ _POOR = 0.6
 _CAMERA_FROM_P3D = np.diag([-1.0, -1.0, 1.0])  # PyTorch3D's cameras look along z too, with x left and y up
 
 
-def read_result(folder: Path, stem: str = "result") -> tuple[Reconstruction, Sim3 | None]:
-    """``<stem>.glb`` (mesh) with ``<stem>.ply`` (Gaussians) where it is, in a canonical frame, Z-up, and their pose.
+def read_result(folder: Path) -> tuple[Reconstruction, FloatArray | None]:
+    """``result.glb`` (mesh) with ``result.ply`` (Gaussians) where it is, in a canonical frame, Z-up, and their pose.
 
-    The pose, of ``params.npz``, takes them into the frame of the first camera (OpenCV), up to the scale of the depth
-    that they were made with; None if the result does not say. Raises :class:`GeometryError`, naming the file, when the
-    mesh is absent or a file is broken.
+    The pose (4, 4) of ``params.npz``, a similarity, takes them into the frame of the first camera (OpenCV), up to the
+    scale of the depth that they were made with; None if the result does not say. Raises :class:`GeometryError`, naming
+    the file, when the mesh is absent or a file is broken.
     """
-    ply, glb = folder / f"{stem}.ply", folder / f"{stem}.glb"
+    ply, glb = folder / "result.ply", folder / "result.glb"
     if not glb.is_file():
         present = ", ".join(sorted(p.name for p in folder.iterdir())[:8])
         raise GeometryError(f"{folder} has no {glb.name}. It holds: {present or 'nothing'}.")
     gaussians = read_gaussians(ply) if ply.is_file() else None
-    return Reconstruction(gaussians, read_mesh(glb), glb=glb), _read_pose(folder / "params.npz")
+    return Reconstruction(gaussians, read_mesh(glb)), _read_pose(folder / "params.npz")
 
 
-def _read_pose(path: Path) -> Sim3 | None:
+def _read_pose(path: Path) -> FloatArray | None:
     """The pose of ``params.npz``: scale, rotation (wxyz) and translation in PyTorch3D's row convention."""
     if not path.is_file():
         return None
@@ -66,12 +65,14 @@ def _read_pose(path: Path) -> Sim3 | None:
             rotation = Rotation.from_quat(np.ravel(arrays["rotation"]), scalar_first=True).as_matrix()
             translation = np.asarray(arrays["translation"], dtype=np.float64).reshape(3)
         # Rows are multiplied from the right there: p (s R) + t, so that R turns the other way round.
-        return Sim3(scale, _CAMERA_FROM_P3D @ rotation.T, _CAMERA_FROM_P3D @ translation)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, GeometryError) as error:
+        if not (scale > 0 and np.isfinite([scale, *translation]).all()):
+            raise ValueError(f"its scale {scale} and translation {translation} are no similarity's.")
+        return rigid(scale * _CAMERA_FROM_P3D @ rotation.T, _CAMERA_FROM_P3D @ translation)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise GeometryError(f"Cannot read the pose {path}: {error}") from error
 
 
-def align_result(result: Reconstruction, pose: Sim3 | None, views: Views, count: int) -> Reconstruction:
+def align_result(result: Reconstruction, pose: FloatArray | None, views: Views, count: int) -> Reconstruction:
     """The result in the views' calibrated frame, aligned with the masks by a similarity.
 
     Starts from the result's own pose when it has one, whose scale about the first camera is searched over four decades;
@@ -81,41 +82,37 @@ def align_result(result: Reconstruction, pose: Sim3 | None, views: Views, count:
     mesh, camera, notes = result.mesh, views[0].camera, []
     assert mesh is not None
     if pose is not None:
-        in_world = Sim3(1.0, camera.world_from_camera[:3, :3], camera.position).compose(pose)
-        scales = np.geomspace(0.01, 100.0, 81)
-        starts = [Sim3(float(s), np.eye(3), (1 - s) * camera.position).compose(in_world) for s in scales]
+        in_world, scales = camera.world_from_camera @ pose, np.geomspace(0.01, 100.0, 81)
+        starts = [rigid(s * np.eye(3), (1 - s) * camera.position) @ in_world for s in scales]
     else:
         target, turns = carve(views, resolution=32).mesh.bounds, Rotation.create_group("O").as_matrix()
-        starts = [Sim3(1.0, np.eye(3), np.zeros(3)), *(_fitted(mesh, target, turn) for turn in turns)]
-    sim3, iou = register(mesh, views, starts)
+        starts = [np.eye(4), *(_fitted(mesh, target, turn) for turn in turns)]
+    moved, iou = register(mesh, views, starts)
     if (gaussians := result.gaussians) is None:
         gaussians = surfels(mesh, None, count)
         notes.append("the result has no .ply, flat Gaussians lie on the mesh")
     if iou < _POOR:
         notes.append(f"the silhouettes fit poorly, mean IoU {iou:.2f}")
     status = f"fallback: {'; '.join(notes)}" if notes else "ok"
-    return Reconstruction(place_gaussians(gaussians, sim3), place_mesh(mesh, sim3), status, result.glb)
+    return Reconstruction(place_gaussians(gaussians, moved), place_mesh(mesh, moved), status)
 
 
-def place_gaussians(gaussians: Gaussians, sim3: Sim3) -> Gaussians:
-    """Gaussians in the similarity's target frame, with their scales and rotations.
-
-    Harmonics that depend on the direction of view are dropped; the Gaussians of these programs have none.
-    """
+def place_gaussians(gaussians: Gaussians, similarity: FloatArray) -> Gaussians:
+    """Gaussians in the target frame of a similarity (4, 4), with their scales and rotations."""
+    scale = float(np.cbrt(np.linalg.det(similarity[:3, :3])))
     own = Rotation.from_quat(gaussians.rotations, scalar_first=True)
-    turned = (Rotation.from_matrix(sim3.rotation) * own).as_quat(scalar_first=True)
+    turned = (Rotation.from_matrix(similarity[:3, :3] / scale) * own).as_quat(scalar_first=True)
     return replace(
         gaussians,
-        centres=sim3.apply(gaussians.centres).astype(np.float32),
-        log_scales=gaussians.log_scales + np.float32(np.log(sim3.scale)),
+        centres=transform_points(similarity, gaussians.centres).astype(np.float32),
+        log_scales=gaussians.log_scales + np.float32(np.log(scale)),
         rotations=turned.astype(np.float32),
-        sh_rest=None,
     )
 
 
-def place_mesh(mesh: TriangleMesh, sim3: Sim3) -> TriangleMesh:
-    """The mesh in the similarity's target frame."""
-    return mesh.with_vertices(sim3.apply(mesh.vertices))
+def place_mesh(mesh: TriangleMesh, similarity: FloatArray) -> TriangleMesh:
+    """The mesh in the target frame of a similarity (4, 4)."""
+    return mesh.with_vertices(transform_points(similarity, mesh.vertices))
 
 
 _ITERATIONS = 12
@@ -126,8 +123,8 @@ _GOOD = 0.95  # IoU at which no further start is tried
 _TRIED_FURTHER = 4  # number of starts refined; the others fit too badly
 
 
-def register(mesh: TriangleMesh, views: Views, starts: Sequence[Sim3]) -> tuple[Sim3, float]:
-    """The similarity that fits a mesh's silhouettes to the masks, and its mean IoU with them.
+def register(mesh: TriangleMesh, views: Views, starts: Sequence[FloatArray]) -> tuple[FloatArray, float]:
+    """The similarity (4, 4) that fits a mesh's silhouettes to the masks, and its mean IoU with them.
 
     The likeliest starts are refined; that converges from displacements of about a quarter of the object. Raises
     :class:`GeometryError` when no view shows the object.
@@ -143,15 +140,15 @@ def register(mesh: TriangleMesh, views: Views, starts: Sequence[Sim3]) -> tuple[
     return best, iou
 
 
-def _fitted(mesh: TriangleMesh, target: FloatArray, turn: FloatArray) -> Sim3:
+def _fitted(mesh: TriangleMesh, target: FloatArray, turn: FloatArray) -> FloatArray:
     """The turn, with scale and place such that the mesh's box has the size and middle of the box ``target`` (2, 3)."""
     box = mesh.bounds @ turn.T
     sizes = np.maximum(np.ptp(box, axis=0), 1e-9)
     scale = float(np.exp(np.mean(np.log(target[1] - target[0]) - np.log(sizes))))
-    return Sim3(scale, turn, target.mean(axis=0) - scale * box.mean(axis=0))
+    return rigid(scale * turn, target.mean(axis=0) - scale * box.mean(axis=0))
 
 
-def _refine(mesh: TriangleMesh, shown: Sequence[Silhouette], start: Sim3) -> tuple[Sim3, float]:
+def _refine(mesh: TriangleMesh, shown: Sequence[Silhouette], start: FloatArray) -> tuple[FloatArray, float]:
     """Levenberg-Marquardt with Huber weights; the best similarity seen on the way, and its IoU."""
     best, best_iou, now = start, -1.0, start
     for _ in range(_ITERATIONS + 1):
@@ -175,7 +172,7 @@ def _refine(mesh: TriangleMesh, shown: Sequence[Silhouette], start: Sim3) -> tup
             break
         # Shift (in units of the object's size), turn and scale about the object's centre.
         rotation, scale = Rotation.from_rotvec(step[3:6]).as_matrix(), float(np.exp(step[6]))
-        now = Sim3(scale, rotation, centre + size * step[:3] - scale * rotation @ centre).compose(now)
+        now = rigid(scale * rotation, centre + size * step[:3] - scale * rotation @ centre) @ now
     return best, best_iou
 
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import MissingDependencyError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Catch, Joint, Layout, Solid, Thread
-from gvla2_plugins.sapien.convex import piece_file, pieces
+from gvla2_plugins.sapien.convex import piece_file
 
 
 def import_sapien() -> Any:
@@ -143,7 +144,7 @@ def axis_frame(axis: FloatArray, origin: FloatArray) -> FloatArray:
 
 def _volume(solid: Solid) -> float:
     if isinstance(solid, Scan):
-        return sum(piece.hull.volume for piece in pieces(solid))
+        return float(trimesh.load_mesh(piece_file(solid)).volume)  # of all its pieces
     x, y, z = solid.size
     return {"box": x * y * z, "cylinder": np.pi / 4 * x * y * z, "sphere": np.pi / 6 * x**3}[solid.kind]
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
-from gvla2.errors import MissingDependencyError, SimulationError
+from gvla2.errors import SimulationError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.array_cache import cache_folder
@@ -37,44 +36,12 @@ THINNEST = 1e-3
 log = logging.getLogger(__name__)
 
 
-class Piece:
-    """One convex piece: ``corners`` (N, 3) in the solid's frame, metres."""
-
-    def __init__(self, corners: FloatArray) -> None:
-        self.corners = corners
-
-    @cached_property
-    def hull(self) -> ConvexHull:
-        """Its hull: triangles, planes, volume."""
-        return ConvexHull(self.corners)
-
-    def holds(self, points: FloatArray) -> np.ndarray:
-        """(N,) bool: which points (N, 3) are inside."""
-        planes = self.hull.equations
-        return np.asarray((points @ planes[:, :3].T + planes[:, 3] <= 1e-9).all(axis=1))
-
-
-def pieces(scan: Scan) -> tuple[Piece, ...]:
-    """The convex pieces of a mesh, from the cache or made now (up to half a minute for an open vessel).
-
-    Raises :class:`MissingDependencyError` without coacd, :class:`SimulationError` for a mesh of no solid at all.
-    """
-    return _read(piece_file(scan))
-
-
-@lru_cache(maxsize=128)
-def _read(path: Path) -> tuple[Piece, ...]:
-    found: list[list[list[float]]] = []
-    for line in path.read_text().splitlines():
-        if line.startswith("o "):
-            found.append([])
-        elif line.startswith("v "):
-            found[-1].append([float(word) for word in line.split()[1:4]])
-    return tuple(Piece(np.array(corners)) for corners in found)
-
-
 def piece_file(scan: Scan) -> Path:
-    """The OBJ file of the pieces, one group each, their triangles wound outwards; made if missing."""
+    """The OBJ file of a mesh's convex pieces, one group each, their triangles wound outwards.
+
+    From the cache or made now (up to half a minute for an open vessel). Raises :class:`SimulationError` for a mesh of
+    no solid at all.
+    """
     mesh = scan.textured.mesh
     digest = hashlib.sha256(f"{VERSION} {THRESHOLD} {MOST_PIECES} {MOST_CORNERS}".encode())
     digest.update(np.round(mesh.vertices, 7).tobytes() + mesh.faces.tobytes())
@@ -99,12 +66,8 @@ def decompose(mesh: TriangleMesh) -> list[FloatArray]:
     cell = float(np.ptp(mesh.vertices, axis=0).max()) / 400
     while len(coarse.faces) > FACES:
         coarse, cell = mesh.clustered(cell)[0], cell * 1.3
-    try:
-        import coacd
-    except ImportError as error:
-        raise MissingDependencyError(
-            "the package 'coacd'", "A simulated body that is a mesh", 'pip install "gvla2[sim]"'
-        ) from error
+    import coacd
+
     coacd.set_log_level("error")
     found = coacd.run_coacd(
         coacd.Mesh(coarse.vertices, coarse.faces),

@@ -9,63 +9,20 @@ from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.perception.objects import footprint, opening_of
 from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Box, KnownShape, Scene, SceneObject, Shape
 from gvla2.robot.looks import body_surface
 from gvla2.robot.scan import Scan
 from gvla2.robot.solids import extent
 from gvla2.robot.task import Body, Layout, Solid
-from gvla2_plugins.sapien.convex import pieces
 from gvla2_plugins.sapien.world import SapienWorld
-
-BELOW_TOP = 0.2
-"""Where the walls are checked: this share of the height below the top."""
-
-DIRECTIONS, STEPS = 24, 400
-
-
-def opening(solids: tuple[Solid, ...], low: FloatArray, high: FloatArray) -> float:
-    """The narrowest inner width of a body about its middle, near its top, metres; 0 if it is closed.
-
-    ``low`` and ``high`` (3,) bound the body in its own frame. It is open when its middle is empty there and walls
-    surround it.
-    """
-    middle = 0.5 * (low + high)
-    height = high[2] - BELOW_TOP * (high[2] - low[2])
-    turns = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    reach = 0.5 * float(np.hypot(*(high - low)[:2])) * np.arange(STEPS + 1) / STEPS
-    xy = np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None] * reach[None, :, None]  # (D, S, 2)
-    points = np.concatenate([middle[:2] + xy, np.full((*xy.shape[:2], 1), height)], axis=2)
-    solid = _within(solids, points.reshape(-1, 3)).reshape(xy.shape[:2])
-    if solid[:, 0].any() or not solid.any(axis=1).all():
-        return 0.0
-    free = reach[solid.argmax(axis=1)]
-    half = DIRECTIONS // 2
-    return float((free[:half] + free[half:]).min())
-
-
-def _within(solids: tuple[Solid, ...], points: FloatArray) -> np.ndarray:
-    """(N,) bool: points (N, 3) inside any of the solids."""
-    inside = np.zeros(len(points), dtype=bool)
-    for solid in solids:
-        local = transform_points(invert_rigid(solid.body_from_shape), points)
-        if isinstance(solid, Scan):
-            inside |= np.any([piece.holds(local) for piece in pieces(solid)], axis=0)
-            continue
-        x, y, z = np.abs(local).T
-        a, b, c = 0.5 * np.asarray(solid.size)
-        if solid.kind == "box":
-            inside |= (x <= a) & (y <= b) & (z <= c)
-        elif solid.kind == "cylinder":
-            inside |= (np.hypot(x, y) <= a) & (z <= c)
-        else:
-            inside |= x**2 + y**2 + z**2 <= a**2
-    return inside
 
 
 def cast_masks(
@@ -148,22 +105,8 @@ def _without_protrusions(body: Body) -> Body:
     return replace(body, solids=tuple(solid for i, solid in enumerate(body.solids) if i not in aside))
 
 
-def upright_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The pose (4, 4) and sides (3,) of the box about points (N, 3), z up, of the least area seen from above."""
-    turns = np.deg2rad(np.arange(0.0, 90.0, 2.0))
-    ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)  # (T, 2)
-    across = np.stack([-ways[:, 1], ways[:, 0]], axis=1)
-    x, y = points[:, :2] @ ways.T, points[:, :2] @ across.T  # (N, T)
-    best = int(np.argmin(np.ptp(x, axis=0) * np.ptp(y, axis=0)))
-    low = np.array([x[:, best].min(), y[:, best].min(), points[:, 2].min()])
-    high = np.array([x[:, best].max(), y[:, best].max(), points[:, 2].max()])
-    turn = np.eye(3)
-    turn[:2, 0], turn[:2, 1] = ways[best], across[best]
-    return rigid(turn, turn @ (0.5 * (low + high))), high - low
-
-
 def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
-    """The body as an object; one that is a mesh in the slimmest upright box about it, known by its file."""
+    """The body as an object; one that is a mesh in the smallest upright box about it, known by its file."""
     low, high = extent(body.solids)
     size, known = high - low, None
     world_from_box = pose @ rigid(translation=0.5 * (low + high))
@@ -171,12 +114,18 @@ def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
     scan = body.solids[0]
     if len(body.solids) == 1 and isinstance(scan, Scan):
         world_from_scan = pose @ scan.body_from_shape
-        world_from_box, size = upright_box(transform_points(world_from_scan, scan.hull))
+        corners = transform_points(world_from_scan, scan.hull)
+        yaw, low, high = footprint(corners[:, :2])
+        low, high = np.append(low, corners[:, 2].min()), np.append(high, corners[:, 2].max())
+        turn = Rotation.from_euler("z", yaw).as_matrix()
+        world_from_box, size = rigid(turn, turn @ (0.5 * (low + high))), high - low
         placed = world_from_scan @ rigid(translation=-scan.offset)
         known = KnownShape(body.name, scan.path, placed, scan.scale)
     colour = nearest_colours(rgb, 1)[0][0]
     surface = body_surface(body)
     points, _ = TriangleMesh(surface.vertices, surface.faces).sample(POINTS, np.random.default_rng(0))
+    points = transform_points(pose, points)
+    hole = np.linalg.norm(points[:, :2] - world_from_box[:2, 3], axis=1).min()
     return SceneObject(
         body.name,
         body.label or f"{colour} {shape}",
@@ -184,10 +133,10 @@ def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
         colour,
         world_from_box,
         size,
-        transform_points(pose, points),
+        points,
         rgb,
         parent,
-        opening=opening(body.solids, low, high) if pose[2, 2] > 0.9 else 0.0,
+        opening=2 * float(hole) if shape == "ring" else opening_of(points),
         known=known,
     )
 

@@ -1,4 +1,4 @@
-"""Tasks on a table, re-authored from published sizes: fourteen of a simulated suite, four of a real robot's."""
+"""Tasks on a table, re-authored from published sizes: fourteen of a simulated suite, three of a real robot's."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 @dataclass
 class ScaledConfig(TaskConfig):
-    """Options of every task here. ``scale`` multiplies the sizes of the objects on the table, 0.8 to 1.2.
+    """Options of every task here. ``scale`` multiplies the sizes of the objects on the table, 0.8 to 1.2 (lids to be
+    shut: to 1.05, as far as a hand pointing down reaches).
 
     Sizes and distances stay within the hand's span and the arm's reach at any scale.
 
@@ -30,10 +31,10 @@ class ScaledConfig(TaskConfig):
     families: int = 2
     family: int = -1
 
-    def factor(self, task: str) -> float:
+    def factor(self, task: str, most: float) -> float:
         """The scale, checked; raises :class:`ConfigurationError` when it is out of range."""
-        if not 0.8 <= self.scale <= 1.2:
-            raise ConfigurationError(f"task={task} takes task.scale from 0.8 to 1.2, got {self.scale}.")
+        if not 0.8 <= self.scale <= most:
+            raise ConfigurationError(f"task={task} takes task.scale from 0.8 to {most}, got {self.scale}.")
         return self.scale
 
 
@@ -80,7 +81,6 @@ _TASKS: tuple[tuple[str, type[ScaledConfig], str], ...] = (
     ("put_knife", ScaledConfig, "Draw a knife from its block and lay it on the board."),
     ("pick_and_lift", PickAndLiftConfig, "Lift the cube of the named colour, beside others."),
     ("insert_block", ScaledConfig, "Slip a ring over the pillar of the named colour."),
-    ("move_spray_bottle", ScaledConfig, "Move a spray bottle onto a painted square."),
     ("open_drawer", ScaledConfig, "Pull a drawer open by its handle."),
     ("sort_object", ScaledConfig, "Put three objects into the bins of their colours."),
 )
@@ -97,8 +97,8 @@ def _component(name: str, config: type[ScaledConfig], summary: str) -> Component
 
         tasks: tuple[type[TabletopTask[Any]], ...] = (
             f.CloseBox, f.OpenBox, f.OpenDrawer, li.LampOn, li.PickAndLift, li.PickupCup, li.PushBlock, li.TakeUmbrella,
-            p.MoveSprayBottle, p.PutBlock, p.PutKnife, p.SortMustard, p.SortObject, screws.OpenJar, screws.OpenWine,
-            towers.InsertBlock, towers.PlayJenga,
+            p.PutBlock, p.PutKnife, p.SortMustard, p.SortObject, screws.OpenJar, screws.OpenWine, towers.InsertBlock,
+            towers.PlayJenga,
         )  # fmt: skip
         task = next(task for task in tasks if task.name == name)
         return task(config) if config.world == "plain" else Learnable(config, task)

@@ -12,11 +12,11 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.placing import at
+from gvla2.robot.placing import at, sample_until
 from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Joint, Layout, TaskInstance
 from gvla2_plugins.tabletop import OpenBoxConfig, ScaledConfig
-from gvla2_plugins.tabletop.scenes import UP, Draw, TabletopTask, box, lifted, scaled
+from gvla2_plugins.tabletop.scenes import DOWN, UP, Draw, TabletopTask, box, lifted, scaled
 
 BOX, WALL = (0.25, 0.35, 0.15), 0.01
 LID, LID_MASS = (0.268, 0.35, 0.01), 0.938
@@ -77,52 +77,19 @@ def draw_box(draw: Draw, scale: float) -> LidBox | None:
     root = draw.root(YAW)
     half = 0.5 * scale * np.array(BOX[:2])
     corners = [root[:2, 3] + root[:2, :2] @ (half * (x, y)) for x in (-1, 1) for y in (-1, 1)]
-    return LidBox(root, scale) if all(draw.inside(corner, 0.0) for corner in corners) else None
-
-
-HOOK_LEANS = (0.0, 0.35)
-"""How far the fingertips may lean away from the box when they hook behind its lid, radians."""
-
-LARGE = 1.05
-"""The edge of a lid larger by this is out of reach of a hand pointing down."""
-
-BESIDE, INTO = 0.6, 0.025
-"""How far out along the lid fingers push it from beside, as a share of its length; how far they reach behind it."""
+    return LidBox(root, scale) if all(draw.site.inside(corner, 0.0) for corner in corners) else None
 
 
 def shut_paths(lid_box: LidBox, angles: FloatArray) -> list[list[FloatArray]]:
-    """Ways to shut the lid through ``angles`` (N,), tool poses (4, 4) each: before, behind the lid, and over.
-
-    A hook behind its edge from above, the hand either way round; for a large lid also with the hand leaning, or level
-    beside the lid with the fingers behind it.
+    """Ways to shut the lid through ``angles`` (N,), tool poses (4, 4) each: a hook behind its edge from above, the hand
+    either way round.
     """
-    back, up = lid_box.root[:3, 0], UP
-    large = lid_box.scale > LARGE
     ways = []
-    for lean in HOOK_LEANS if large else HOOK_LEANS[:1]:
-        for sign in (1.0, -1.0):
-            path = hook_path(lid_box, angles, sign, lean)
-            behind = rigid(translation=0.03 * back) @ path[0]
-            ways.append([rigid(translation=0.05 * up) @ behind, behind, *path])
-    for side in (1.0, -1.0) if large else ():
-        for closing in (up, -up, back, -back):
-            path = beside_path(lid_box, angles, side, closing)
-            behind = rigid(translation=0.02 * lid_box.lid_pose(float(angles[0]))[:3, 2]) @ path[0]
-            ways.append([behind @ lifted(-0.085), behind, *path])
+    for sign in (1.0, -1.0):
+        path = hook_path(lid_box, angles, sign)
+        behind = rigid(translation=0.03 * lid_box.root[:3, 0]) @ path[0]
+        ways.append([rigid(translation=0.05 * UP) @ behind, behind, *path])
     return ways
-
-
-def beside_path(lid_box: LidBox, angles: FloatArray, side: float, closing: FloatArray) -> list[FloatArray]:
-    """Tool poses (4, 4) of a level hand beside the lid whose fingers are behind it at ``angles`` (N,)."""
-    axis = lid_box.root[:3, 1]
-    turned = grasp_rotation(-side * axis, closing)
-    rim = side * (lid_box.scale * LID[1] / 2 - INTO) * axis
-    spots = [
-        lid_box.along_lid(float(angle), BESIDE * lid_box.scale * LID[0])
-        + HOOK_BEHIND * lid_box.lid_pose(float(angle))[:3, 2]
-        for angle in angles
-    ]
-    return [rigid(turned, spot + rim) for spot in spots]
 
 
 def lip_path(lid_box: LidBox, angles: FloatArray, beyond: float, sign: float) -> list[FloatArray]:
@@ -138,25 +105,18 @@ def lip_path(lid_box: LidBox, angles: FloatArray, beyond: float, sign: float) ->
     return poses
 
 
-def hook_path(lid_box: LidBox, angles: FloatArray, sign: float, lean: float = 0.0) -> list[FloatArray]:
-    """Tool poses (4, 4) of a hand that points down and hooks behind the lid's edge at ``angles`` (N,).
-
-    The fingertips lean away from the box by ``lean`` radians: an edge further off is then in reach.
-    """
-    back = lid_box.root[:3, 0]
-    approach = -np.cos(lean) * UP + np.sin(lean) * back
-    behind = np.cos(lean) * back + np.sin(lean) * UP
-    turned = grasp_rotation(approach, sign * lid_box.root[:3, 1])
+def hook_path(lid_box: LidBox, angles: FloatArray, sign: float) -> list[FloatArray]:
+    """Tool poses (4, 4) of a hand that points down and hooks behind the lid's edge at ``angles`` (N,)."""
+    back, turned = lid_box.root[:3, 0], grasp_rotation(DOWN, sign * lid_box.root[:3, 1])
     edges = [lid_box.along_lid(float(angle), lid_box.scale * LID[0]) for angle in angles]
-    below = HOOK_BELOW * (1.0 + 2.0 * np.sin(lean))  # a leaning finger slips off sooner
-    return [rigid(turned, edge + HOOK_BEHIND * behind + below * approach) for edge in edges]
+    return [rigid(turned, edge + HOOK_BEHIND * back + HOOK_BELOW * DOWN) for edge in edges]
 
 
 LIP_REACH, STANDOFF = 0.006, 0.06
 """Of the tool centre point inside the lip's edge: the fingertips end before the box's wall; and before the grasp."""
 
-OPENED, FALLS = 1.8, 1.0
-"""How far the lid is swung open, and from which opening it falls shut by itself; radians."""
+FALLS = 1.0
+"""The opening from which a lid falls shut by itself, radians."""
 
 OPEN = np.pi / 2
 """Travel of the lid that counts, radians."""
@@ -194,7 +154,7 @@ class OpenBox(TabletopTask[OpenBoxConfig]):
                     return lid_box
             return None
 
-        lid_box = draw.until(place, "a box")
+        lid_box = sample_until(place, "a box")
         colours = draw.colours(2)
         return draw.instance(
             Layout(lid_box.bodies(0.0, colours), (lid_box.joint(opens=True),)),
@@ -212,7 +172,7 @@ SHUT_RELAXED, SHUT_STRICT = 2.4, 2.6
 class CloseBox(TabletopTask[ScaledConfig]):
     """Close the box. relaxed: the lid has come 2.4 rad of its 2.618; strict: 2.6 rad."""
 
-    name = "close_box"
+    name, largest_scale = "close_box", 1.05
     instructions = (
         "close the box",
         "shut the lid of the {colour} box",
@@ -229,7 +189,7 @@ class CloseBox(TabletopTask[ScaledConfig]):
             lid_box = draw_box(draw, self.scale)
             return lid_box if lid_box and any(map(draw.site.follows, shut_paths(lid_box, angles))) else None
 
-        lid_box = draw.until(place, "an open box")
+        lid_box = sample_until(place, "an open box")
         colours = draw.colours(2)
         return draw.instance(
             Layout(lid_box.bodies(TRAVEL, colours), (lid_box.joint(opens=False),)),
@@ -270,7 +230,7 @@ class OpenDrawer(TabletopTask[ScaledConfig]):
 
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A cabinet with a drawer."""
-        root = draw.until(lambda: self._root(draw), "a cabinet")
+        root = sample_until(lambda: self._root(draw), "a cabinet")
         colour, body_colour = draw.colours(2, beside=(HANDLE_RGB,))
         slide = Joint(
             "slide", "prismatic", "cabinet", "drawer", axis=-root[:3, 0], origin=root[:3, 3],
@@ -288,7 +248,7 @@ class OpenDrawer(TabletopTask[ScaledConfig]):
         root, k = draw.root(YAW), self.scale
         x, y = k * CABINET[0] / 2, k * CABINET[1] / 2
         corners = [at(root, sx * x, sy * y)[:2, 3] for sx in (-1, 1) for sy in (-1, 1)]
-        if not all(draw.inside(corner, 0.0) for corner in corners):
+        if not all(draw.site.inside(corner, 0.0) for corner in corners):
             return None
         return root if any(map(draw.site.follows, handle_paths(root, k))) else None
 

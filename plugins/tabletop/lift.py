@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.placing import clear, planar
+from gvla2.robot.placing import clear, planar, sample_until
 from gvla2.robot.solids import Volume, body_points, cup, on, tray
 from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import PickAndLiftConfig, ScaledConfig
@@ -50,7 +50,7 @@ class PickAndLift(TabletopTask[PickAndLiftConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """Some cubes."""
         size, count, table = self.scale * self.config.size, self.config.cubes, draw.site.table_height
-        poses = draw.until(lambda: self._poses(draw, size), f"{count} cubes")
+        poses = sample_until(lambda: self._poses(draw, size), f"{count} cubes")
         colours = draw.colours(count)
         own = int(draw.rng.integers(count))
         target, aside = draw.named(colours, own)
@@ -92,8 +92,8 @@ class PickAndLift(TabletopTask[PickAndLiftConfig]):
         if not clear(centres, [radius] * count, self.config.gap):
             return None
         # Reach last: inverse kinematics costs more than everything else.
-        if not all(draw.inside(xy, radius) for xy in centres) or not all(
-            draw.in_reach(xy, size / 2, SENSOR_HEIGHT + size) for xy in centres
+        if not all(draw.site.inside(xy, radius) for xy in centres) or not all(
+            draw.site.in_reach(xy, size / 2, SENSOR_HEIGHT + size) for xy in centres
         ):
             return None
         return [planar(xy, table + size / 2, yaw) for xy, yaw in zip(centres, yaws, strict=True)]
@@ -130,7 +130,7 @@ class PickupCup(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """Two cups, wider than the hand opens."""
         diameter, height = DIAMETER * self.scale, HEIGHT * self.scale
-        poses = draw.until(lambda: self._poses(draw, diameter / 2, height), "two cups")
+        poses = sample_until(lambda: self._poses(draw, diameter / 2, height), "two cups")
         colours = draw.colours(2)
         target, aside = draw.named(colours, 0)
         bodies = []
@@ -157,9 +157,11 @@ class PickupCup(TabletopTask[ScaledConfig]):
         """Poses (4, 4) of both cups' undersides."""
         root = draw.root()
         centres, yaws = _scattered(draw, root, 0.5 * np.asarray(AREA) - radius, 2)
-        if not clear(centres, [radius, radius], GAP) or not all(draw.inside(xy, radius) for xy in centres):
+        if not clear(centres, [radius, radius], GAP) or not all(
+            draw.site.inside(xy, radius) for xy in centres
+        ):
             return None
-        if not all(draw.in_reach(xy, height - 0.02, height + 0.2) for xy in centres):
+        if not all(draw.site.in_reach(xy, height - 0.02, height + 0.2) for xy in centres):
             return None
         return [planar(xy, draw.site.table_height, yaw) for xy, yaw in zip(centres, yaws, strict=True)]
 
@@ -189,7 +191,7 @@ class TakeUmbrella(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """An umbrella in its stand."""
         k = self.scale
-        root = draw.until(lambda: self._root(draw), "an umbrella stand")
+        root = sample_until(lambda: self._root(draw), "an umbrella stand")
         (colour,) = draw.colours(1, beside=(STAND_RGB, SHAFT_RGB))
         size = scaled(k, STAND)
         walls = tray(size, STAND_WALL, STAND_RGB)
@@ -213,9 +215,9 @@ class TakeUmbrella(TabletopTask[ScaledConfig]):
 
     def _root(self, draw: Draw) -> FloatArray | None:
         root, handle = draw.root(), self.scale * HANDLE_AT
-        if not draw.inside(root[:2, 3], self.scale * STAND[0] / np.sqrt(2)):
+        if not draw.site.inside(root[:2, 3], self.scale * STAND[0] / np.sqrt(2)):
             return None
-        return root if draw.in_reach(root[:2, 3], handle, handle + 0.12, handle + 0.26) else None
+        return root if draw.site.in_reach(root[:2, 3], handle, handle + 0.12, handle + 0.26) else None
 
 
 def _umbrella(k: float, rgb: Rgb) -> tuple[Primitive, ...]:
@@ -258,7 +260,7 @@ class PushBlock(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A block and its target."""
         size, table = self.scale * BLOCK_SIZE, draw.site.table_height
-        start, spot = draw.until(lambda: self._poses(draw, size), "a block and its target")
+        start, spot = sample_until(lambda: self._poses(draw, size), "a block and its target")
         colour, target_colour = draw.colours(2)
         block = Body("block", (box([size] * 3, COLOURS[colour]),), start, BLOCK_MASS, label=f"{colour} cube")
         paint = box((TARGET, TARGET, PAINT), COLOURS[target_colour], collides=False)
@@ -292,11 +294,11 @@ class PushBlock(TabletopTask[ScaledConfig]):
         free = distance - (size + TARGET) / np.sqrt(2.0) > 0
         if (
             not free
-            or not draw.inside(start, size / np.sqrt(2.0))
-            or not draw.inside(goal, TARGET / np.sqrt(2))
+            or not draw.site.inside(start, size / np.sqrt(2.0))
+            or not draw.site.inside(goal, TARGET / np.sqrt(2))
         ):
             return None
-        if not all(draw.in_reach(xy, size / 2, 0.15) for xy in (start - ROOM_BEHIND * towards, goal)):
+        if not all(draw.site.in_reach(xy, size / 2, 0.15) for xy in (start - ROOM_BEHIND * towards, goal)):
             return None
         table = draw.site.table_height
         return (
@@ -344,7 +346,7 @@ class LampOn(TabletopTask[ScaledConfig]):
 
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A lamp and its button."""
-        root = draw.until(lambda: self._root(draw), "a lamp")
+        root = sample_until(lambda: self._root(draw), "a lamp")
         (colour,) = draw.colours(1, beside=(BASE_RGB, POST_RGB, SHADE_RGB))
         height = LAMP_HEIGHT - LAMP_BASE[2]
         diameter, post_top = self.scale * LAMP_DIAMETER, LAMP_BASE[2] + POST[2]
@@ -374,6 +376,6 @@ class LampOn(TabletopTask[ScaledConfig]):
         """Pose (4, 4) of the middle of the base's underside; None when it is out of place."""
         root = draw.root()
         button = transform_points(root, (BUTTON_X, 0.0, 0.0))[:2]
-        if not draw.inside(root[:2, 3], 0.5 * float(np.hypot(LAMP_BASE[0], LAMP_BASE[1]))):
+        if not draw.site.inside(root[:2, 3], 0.5 * float(np.hypot(LAMP_BASE[0], LAMP_BASE[1]))):
             return None
-        return root if draw.in_reach(button, 0.01, LAMP_HEIGHT + 0.15) else None
+        return root if draw.site.in_reach(button, 0.01, LAMP_HEIGHT + 0.15) else None

@@ -1,4 +1,4 @@
-"""Put a block or a spray bottle on a painted square, a bottle into a tray, objects into bins, a knife on a board."""
+"""Put a block on a painted square, a bottle into a tray, objects into bins, a knife on a board."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class PutBlock(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A block and its target."""
         size = SIZE * self.scale
-        root = draw.until(lambda: self._root(draw, size), "a block and its target")
+        root = sample_until(lambda: self._root(draw, size), "a block and its target")
         colour, target_colour = draw.colours(2)
         cube = box([size] * 3, COLOURS[colour])
         block = Body("block", (cube,), at(root, *BLOCK_AT, size / 2), BLOCK_MASS, label=f"{colour} cube")
@@ -74,80 +74,11 @@ class PutBlock(TabletopTask[ScaledConfig]):
     def _root(self, draw: Draw, size: float) -> FloatArray | None:
         root = draw.root()
         block, target = at(root, *BLOCK_AT)[:2, 3], at(root, *TARGET_AT)[:2, 3]
-        if not draw.inside(block, size / np.sqrt(2)) or not draw.inside(target, TARGET / np.sqrt(2)):
+        if not draw.site.inside(block, size / np.sqrt(2)) or not draw.site.inside(
+            target, TARGET / np.sqrt(2)
+        ):
             return None
-        return root if all(draw.in_reach(xy, size / 2, 0.2) for xy in (block, target)) else None
-
-
-TANK, NECK, HEAD = (0.066, 0.12), (0.028, 0.03), (0.075, 0.026, 0.032)
-SPRAY_MASS = 0.25
-SPRAY_TARGET, SPRAY_AREA, DISTANCE = 0.13, 0.04, (0.20, 0.40)
-"""Metres, kilograms: diameter and height of tank and neck, sides of the head that sprays to its +x."""
-
-UPRIGHT = np.cos(np.deg2rad(15.0))
-LOW = 0.02
-"""A bottle stands when it is within 15 degrees of upright and its base no higher than this, metres."""
-
-HEAD_RGB = (0.95, 0.95, 0.95)
-
-
-class MoveSprayBottle(TabletopTask[ScaledConfig]):
-    """Move the bottle to the square. relaxed: it stands with its middle over the square. strict: within 2 cm of the
-    square's middle along both sides, let go of.
-    """
-
-    name = "move_spray_bottle"
-    instructions = (
-        "move the spray bottle to the {target} square",
-        "pick up the {colour} spray bottle and put it on the {target} square",
-        "place the {colour} bottle on the {target} patch",
-        "take the spray bottle and set it down on the {target} square",
-        "put the {colour} spray bottle onto the {target} target",
-    )
-
-    def lay_out(self, draw: Draw) -> TaskInstance:
-        """A bottle and a square."""
-        start, spot = draw.until(lambda: self._poses(draw), "a spray bottle and its square")
-        colour, target_colour = draw.colours(2, beside=(HEAD_RGB,))
-        solids = _spray_bottle(self.scale, COLOURS[colour])
-        bottle = Body("bottle", solids, start, SPRAY_MASS, label=f"{colour} spray bottle", shape="cylinder")
-        area, middle = (on(spot @ lifted(-LOW), (side, side), 2 * LOW) for side in (SPRAY_TARGET, SPRAY_AREA))
-
-        def relaxed(world: WorldState) -> bool:
-            pose = world.pose("bottle")
-            return bool(pose[2, 2] > UPRIGHT) and area.holds(pose[:3, 3])
-
-        def strict(world: WorldState) -> bool:
-            return relaxed(world) and middle.holds(world.pose("bottle")[:3, 3]) and world.resting("bottle")
-
-        return draw.instance(
-            Layout((bottle, square(spot, SPRAY_TARGET, target_colour))),
-            relaxed,
-            strict,
-            f"relaxed: the bottle stands on the {target_colour} square; strict: in its middle, let go of",
-            colour=colour,
-            target=target_colour,
-        )
-
-    def _poses(self, draw: Draw) -> tuple[FloatArray, FloatArray] | None:
-        root, height = draw.root(), self.scale * (TANK[1] + NECK[1])
-        direction, yaw, distance = draw.angle(), draw.angle(), draw.rng.uniform(*DISTANCE)
-        goal = root[:2, 3] + distance * np.array([np.cos(direction), np.sin(direction)])
-        if not draw.inside(root[:2, 3], 0.05) or not draw.inside(goal, SPRAY_TARGET / np.sqrt(2)):
-            return None
-        if not all(draw.in_reach(xy, height, height + 0.18) for xy in (root[:2, 3], goal)):
-            return None
-        return root, planar(goal, draw.site.table_height, yaw)
-
-
-def _spray_bottle(k: float, rgb: Rgb) -> tuple[Primitive, ...]:
-    """Tank, neck and head, ``k`` times their size, on z = 0."""
-    high, middle = k * TANK[1], k * (TANK[1] + NECK[1])
-    return (
-        cylinder(k * TANK[0], 0.0, high, rgb),
-        cylinder(k * NECK[0], high, middle, rgb),
-        box(scaled(k, HEAD), HEAD_RGB, (k * 0.012, 0.0, middle + k * HEAD[2] / 2)),
-    )
+        return root if all(draw.site.in_reach(xy, size / 2, 0.2) for xy in (block, target)) else None
 
 
 TRAY, TRAY_WALL = (0.318, 0.318, 0.05), 0.008
@@ -182,7 +113,7 @@ class SortMustard(TabletopTask[ScaledConfig]):
         """A tray, the bottle, a can and a carton."""
         length, width, height = scaled(self.scale, BOTTLE)
         size = (length, min(width, MOST_SPAN), height)
-        place, *spots = draw.until(lambda: self._poses(draw, size), "a tray and three items")
+        place, *spots = sample_until(lambda: self._poses(draw, size), "a tray and three items")
         shapes = _mustard(size, SHOULDERS * self.scale)
         bottle = Body("bottle", shapes, spots[0], BOTTLE_MASS, label="yellow mustard bottle", shape="box")
         container = Body("tray", tray(TRAY, TRAY_WALL, GREY), place, fixed=True, label="gray tray")
@@ -210,12 +141,12 @@ class SortMustard(TabletopTask[ScaledConfig]):
         yaws = draw.rng.uniform(-np.pi, np.pi, size=3)
         radii = [TRAY[0] / np.sqrt(2), _half_diagonal(size), MUSTARD_CAN[0] / 2, _half_diagonal(CARTON)]
         room = [TRAY[0] / 2, *radii[1:]]
-        if not clear(spots, radii, 0.03) or not all(map(draw.inside, spots, room)):
+        if not clear(spots, radii, 0.03) or not all(map(draw.site.inside, spots, room)):
             return None
         grasp = size[2] - GRASP_DEPTH
-        if not draw.in_reach(spots[1], grasp, grasp + 0.12):
+        if not draw.site.in_reach(spots[1], grasp, grasp + 0.12):
             return None
-        if not draw.in_reach(spots[0], grasp, grasp + 0.15):
+        if not draw.site.in_reach(spots[0], grasp, grasp + 0.15):
             return None
         table = draw.site.table_height
         return [root, *(planar(xy, table, float(yaw)) for xy, yaw in zip(spots[1:], yaws, strict=True))]
@@ -242,8 +173,8 @@ MASS, GAP, OVER, ASIDE = 0.1, 0.05, 0.10, 0.035
 """Metres, kilograms: an object is in a bin when its middle is within its walls, no higher than ``OVER``. Two objects of
 one colour fit ``ASIDE`` of the bin's middle, on either side."""
 
-TOGETHER, ONE_BY_ONE, RESTARTS = 1000, 200, 50
-"""Number of draws of all five places together, of single places before starting over, and of restarts."""
+SPOTS, RESTARTS = 200, 50
+"""Number of places drawn for one layout, and of layouts begun."""
 
 
 class SortObject(TabletopTask[ScaledConfig]):
@@ -260,7 +191,7 @@ class SortObject(TabletopTask[ScaledConfig]):
 
     def lay_out(self, draw: Draw) -> TaskInstance:
         """Two bins and three objects."""
-        poses = self._poses(draw)
+        poses = sample_until(lambda: self._poses(draw), "two bins and three objects", RESTARTS)
         colours = draw.colours(2)
         belongs = [0, 1, int(draw.rng.integers(2))]
         bins = tuple(
@@ -300,18 +231,10 @@ class SortObject(TabletopTask[ScaledConfig]):
     def _sizes(self) -> list[Sides]:
         return [scaled(self.scale, size) for size in OBJECTS.values()]
 
-    def _poses(self, draw: Draw) -> list[FloatArray]:
-        """Poses (4, 4) of the undersides of both bins and the three objects: drawn at once, where there is room."""
-        for _ in range(TOGETHER):
-            roots = [draw.root() for _ in range(5)]
-            if self._apart(draw, roots) and all(_reached(draw, i, roots[i]) for i in (2, 3, 4, 0, 1)):
-                return roots
-        return sample_until(lambda: self._one_by_one(draw), "two bins and three objects", RESTARTS)
-
-    def _one_by_one(self, draw: Draw) -> list[FloatArray] | None:
-        """Each object beside those already placed: for a small reach, where five together hardly ever fit."""
+    def _poses(self, draw: Draw) -> list[FloatArray] | None:
+        """Poses (4, 4) of the undersides of both bins and the three objects, each beside those already placed."""
         roots: list[FloatArray] = []
-        for _ in range(ONE_BY_ONE):
+        for _ in range(SPOTS):
             root = draw.root()
             if self._apart(draw, [*roots, root]) and _reached(draw, len(roots), root):
                 roots.append(root)
@@ -324,14 +247,14 @@ class SortObject(TabletopTask[ScaledConfig]):
         spots = np.stack([root[:2, 3] for root in roots])
         radii = [BIN[0] / np.sqrt(2)] * 2 + [_half_diagonal(size) for size in self._sizes()]
         radii = radii[: len(roots)]
-        within = all(draw.inside(xy, min(r, BIN[0] / 2)) for xy, r in zip(spots, radii, strict=True))
+        within = all(draw.site.inside(xy, min(r, BIN[0] / 2)) for xy, r in zip(spots, radii, strict=True))
         return within and clear(spots, radii, GAP)
 
 
 def _reached(draw: Draw, index: int, root: FloatArray) -> bool:
     """Whether the hand gets to the object, or to both places in the bin."""
     sides = (-1.0, 1.0) if index < 2 else (0.0,)
-    return all(draw.in_reach(at(root, side * ASIDE, 0.0)[:2, 3], 0.02, 0.24) for side in sides)
+    return all(draw.site.in_reach(at(root, side * ASIDE, 0.0)[:2, 3], 0.02, 0.24) for side in sides)
 
 
 STAND, TILT = (0.041, 0.08, 0.155), np.deg2rad(5.0)
@@ -365,7 +288,7 @@ class PutKnife(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A knife in its block, and a board."""
         k = self.scale
-        root, stand = draw.until(lambda: self._poses(draw), "a knife block and a board")
+        root, stand = sample_until(lambda: self._poses(draw), "a knife block and a board")
         (colour,) = draw.colours(1, beside=(BLOCK_RGB, STEEL, BOARD_RGB))
         board = box(BOARD, BOARD_RGB, (0, 0, BOARD[2] / 2))
         knife = Body(
@@ -396,10 +319,14 @@ class PutKnife(TabletopTask[ScaledConfig]):
         x, y = np.asarray(SPAWN_AT) + draw.rng.uniform(-0.5, 0.5, size=2) * SPAWN
         foot = at(root, x, y, 0.0, draw.angle())
         spots = np.stack([root[:2, 3], foot[:2, 3]])
-        if not clear(spots, (BOARD[1] / 2, k * STAND[1]), 0.02) or not draw.inside(foot[:2, 3], k * 0.05):
+        if not clear(spots, (BOARD[1] / 2, k * STAND[1]), 0.02) or not draw.site.inside(
+            foot[:2, 3], k * 0.05
+        ):
             return None
         beside = np.abs(np.linalg.inv(root) @ foot[:, 3])[:2]
-        if (beside < np.array(BOARD[:2]) / 2 + k * 0.05).all() or not draw.inside(root[:2, 3], BOARD[1] / 2):
+        if (beside < np.array(BOARD[:2]) / 2 + k * 0.05).all() or not draw.site.inside(
+            root[:2, 3], BOARD[1] / 2
+        ):
             return None
         # The lower edge of the leaning block is on the table.
         lean = rigid(Rotation.from_euler("y", TILT).as_matrix(), (0, 0, k * STAND[0] / 2 * np.sin(TILT)))

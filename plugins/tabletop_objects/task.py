@@ -13,8 +13,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
-from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
-from gvla2.robot.scan import Scan, chosen, mesh_library, read_scan, scanned_body, spoken
+from gvla2.perception.objects import opening_of
+from gvla2.robot.placing import clear, planar, sample_root, sample_until
+from gvla2.robot.scan import Scan, mesh_library, read_scan, scanned_body, spoken
 from gvla2.robot.solids import body_points, lowest
 from gvla2.robot.task import Body, Layout, Profile, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
@@ -47,13 +48,6 @@ class ObjectRequest:
     kind: str
     theme: str
     goal: str = ""
-
-
-def sentence_for(asked: ObjectRequest, labels: dict[str, str], rng: np.random.Generator) -> str:
-    """A sentence for it, drawn among :data:`WORDINGS`."""
-    templates = WORDINGS[asked.kind]
-    chosen = templates[int(rng.integers(len(templates)))]
-    return chosen.format(x=labels[asked.theme], y=labels.get(asked.goal, ""))
 
 
 def interpret(sentence: str, labels: dict[str, str], own: ObjectRequest) -> tuple[ObjectRequest, str]:
@@ -94,7 +88,7 @@ Checks = dict[Profile, Callable[[WorldState], bool]]
 
 def _lifting(body: Body, table: float) -> Checks:
     def clearance(world: WorldState) -> float:
-        return float(_corners(body, world)[:, 2].min() - table)
+        return float(body_points(body, world.pose(body.name))[:, 2].min() - table)
 
     return {
         "relaxed": lambda world: clearance(world) > LIFTED,
@@ -104,8 +98,12 @@ def _lifting(body: Body, table: float) -> Checks:
 
 def _inside(body: Body, goal: Body) -> Checks:
     def relaxed(world: WorldState) -> bool:
-        mine, theirs = _corners(body, world), _corners(goal, world)
-        low, high, middle = theirs.min(axis=0), theirs.max(axis=0), _box_middle(mine)
+        mine, theirs = (body_points(one, world.pose(one.name)) for one in (body, goal))
+        low, high, middle = (
+            theirs.min(axis=0),
+            theirs.max(axis=0),
+            0.5 * (mine.min(axis=0) + mine.max(axis=0)),
+        )
         over = bool(((middle > low) & (middle < high))[:2].all())
         return over and bool(mine[:, 2].min() < high[2]) and not world.held(body.name)
 
@@ -115,16 +113,6 @@ def _inside(body: Body, goal: Body) -> Checks:
         return relaxed(world) and upright and lying
 
     return {"relaxed": relaxed, "strict": strict}
-
-
-def _corners(body: Body, world: WorldState) -> FloatArray:
-    """(N, 3) world points whose hull is the body now."""
-    return body_points(body, world.pose(body.name))
-
-
-def _box_middle(points: FloatArray) -> FloatArray:
-    """(3,) the middle of the box about points (N, 3)."""
-    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
 
 
 MOST = 8
@@ -160,7 +148,7 @@ class TabletopObjects:
             raise ConfigurationError(
                 "task=tabletop_objects needs task.objects.root=FOLDER, a folder of meshes."
             )
-        self._library = chosen(mesh_library(objects.root), objects.names)
+        self._library = mesh_library(objects.root, objects.names)
         self._config, self._objects = config, objects
         count = (len(self._library) if objects.names else 1) if objects.count is None else objects.count
         if not 1 <= count <= MOST or count > len(self._library):
@@ -196,7 +184,8 @@ class TabletopObjects:
         asked, aside = self._asked(turned, rng), ""
         bodies = self._placed(turned, asked, rng, site)
         labels = {body.name: body.label for body in bodies}
-        sentence = sentence_for(asked, labels, rng)
+        template = self.instructions[int(rng.integers(len(self.instructions)))]
+        sentence = template.format(x=labels[asked.theme], y=labels.get(asked.goal, ""))
         if instruction is not None:
             sentence, (asked, aside) = instruction, interpret(instruction, labels, asked)
         succeeded, goal = success_check(asked, bodies, site.table_height)
@@ -210,7 +199,9 @@ class TabletopObjects:
         mass = objects.mass if objects.mass is not None else _mass(scan)
         rotation = planar((0.0, 0.0), 0.0, float(rng.uniform(-np.pi, np.pi)))[:3, :3]
         if objects.pose == "fallen":
-            rotation = fallen(scan.hull, _middle(scan), rng)
+            mesh = scan.textured.mesh  # of even walls: its weight is the surface's
+            middles = mesh.vertices[mesh.faces].mean(axis=1)
+            rotation = fallen(scan.hull, np.average(middles, axis=0, weights=mesh.areas), rng)
         return scanned_body(
             path,
             name,
@@ -244,9 +235,9 @@ class TabletopObjects:
         def fits(k: int, spot: FloatArray, before: dict[int, FloatArray]) -> bool:
             spots = np.stack([*(root[:2, 3] for root in before.values()), spot])
             return (
-                inside(site, spot, min(radii[k], 0.15))
+                site.inside(spot, min(radii[k], 0.15))
                 and clear(spots, [*(radii[j] for j in before), radii[k]], GAP)
-                and (objects[k].name not in handled or in_reach(site, spot, (0.02, LIFT)))
+                and (objects[k].name not in handled or site.in_reach(spot, 0.02, LIFT))
             )
 
         def draw() -> list[FloatArray] | None:
@@ -264,12 +255,18 @@ class TabletopObjects:
 
 
 def _put_in(bodies: list[Body]) -> list[ObjectRequest]:
-    mouths = {body.name: mouth(_scan(body), body.world_from_body) for body in bodies}
+    mouths = {body.name: _mouth(body) for body in bodies}
     return [
         ObjectRequest("put_in", body.name, goal.name)
         for goal, body in permutations(bodies, 2)
         if sorted(_scan(body).size)[1] < mouths[goal.name]
     ]
+
+
+def _mouth(body: Body) -> float:
+    """Width of the opening at its top, metres; 0 if it is closed."""
+    points, _ = _scan(body).textured.mesh.sample(20_000, np.random.default_rng(0))
+    return opening_of(transform_points(body.world_from_body, points))
 
 
 def _set_down(body: Body, root: FloatArray, site: TaskSite) -> Body:
@@ -312,43 +309,6 @@ def _scan(body: Body) -> Scan:
     return solid
 
 
-CELL = 0.008
-"""Side of the vertical columns that are sampled, metres."""
-
-DEEP, INNER = 0.45, 0.35
-"""A vessel's bottom is lower than this share of its height; it is looked for within this share of its half width."""
-
-
-def mouth(scan: Scan, pose: FloatArray) -> float:
-    """Width of the opening at the top of the object, posed at ``pose`` (4, 4), metres; 0 if it is closed or shallow.
-
-    Seen from straight above: the lowest surface in sight about its middle is its bottom, and the wall rises all
-    about it. A plate counts: what lies on it lies in it.
-    """
-    points, _ = scan.textured.mesh.sample(20_000, np.random.default_rng(0))
-    points = transform_points(pose, points)
-    low, high = points.min(axis=0), points.max(axis=0)
-    half, middle = 0.5 * (high - low)[:2], 0.5 * (high + low)[:2]
-    columns = np.floor((points[:, :2] - low[:2]) / CELL).astype(int)
-    key = columns[:, 0] * 10_000 + columns[:, 1]
-    order = np.lexsort((points[:, 2], key))
-    tops = order[np.flatnonzero(np.diff(key[order], append=-1))]  # the highest of each column
-    seen, height = points[tops], float(high[2] - low[2])
-    level = (seen[:, 2] - low[2]) / max(height, 1e-9)
-    out = np.abs(seen[:, :2] - middle) / half
-    inner = (out < INNER).all(axis=1)
-    if not inner.any() or np.median(level[inner]) > DEEP:
-        return 0.0
-    away = seen[:, :2] - middle
-    turn = np.floor((np.arctan2(away[:, 1], away[:, 0]) + np.pi) / (np.pi / 6)).astype(int) % 12
-    reach = np.linalg.norm(away, axis=1)
-    walls = [reach[(turn == k) & (level > 0.75)] for k in range(12)]
-    if any(len(wall) == 0 for wall in walls):
-        return 0.0
-    nearest = np.array([wall.min() for wall in walls])
-    return float(2.0 * nearest.min())
-
-
 def fallen(hull: FloatArray, centre: FloatArray, rng: np.random.Generator) -> FloatArray:
     """A rotation (3, 3), its z axis up, in which an object dropped at random comes to rest on a plane.
 
@@ -360,9 +320,3 @@ def fallen(hull: FloatArray, centre: FloatArray, rng: np.random.Generator) -> Fl
     turns, chances = trimesh.poses.compute_stable_poses(solid, center_mass=centre, n_samples=1)
     chosen = turns[rng.choice(len(turns), p=chances / chances.sum()), :3, :3]
     return np.asarray(planar((0.0, 0.0), 0.0, float(rng.uniform(-np.pi, np.pi)))[:3, :3] @ chosen)
-
-
-def _middle(scan: Scan) -> FloatArray:
-    """(3,) the mean of its surface: where the weight of an object of even walls is."""
-    mesh = scan.textured.mesh
-    return np.asarray(np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.areas))

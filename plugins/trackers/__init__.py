@@ -1,4 +1,4 @@
-"""Runs reported to MLflow, Weights & Biases or TensorBoard: ``gvla2 run tracker=mlflow``. Off by default.
+"""Runs reported to MLflow or Weights & Biases: ``gvla2 run tracker=mlflow``. Off by default.
 
 A run of ours is one run of the service, an episode one step.
 """
@@ -140,46 +140,10 @@ class WandbTracker:
             self._run.finish(exit_code=0 if well else 1)
 
 
-@dataclass
-class TensorBoardConfig(ComponentConfig):
-    """Options of ``tensorboard``: events go to ``folder``, "" for ``tensorboard`` in the run's own."""
-
-    folder: str = ""
-
-
-class TensorBoardTracker:
-    """Writes TensorBoard's events: configuration, numbers of each episode.
-
-    By tensorboardX (no torch, no TensorFlow); each run has its own folder below the one given.
-    """
-
-    def __init__(self, config: TensorBoardConfig) -> None:
-        self._config, self._library = config, _load("tensorboardX", "tensorboard", "MIT")
-        self._writer: Any = None
-
-    def begin(self, run: TrackedRun) -> None:
-        """Open the event file, with the configuration as a table of text."""
-        own = Path(self._config.folder) / run.name if self._config.folder else run.folder / "tensorboard"
-        self._writer = self._library.SummaryWriter(str(own))
-        rows = "\n".join(f"| {key} | {str(value).replace('|', '/')} |" for key, value in run.flat().items())
-        self._writer.add_text("config", f"| option | value |\n|---|---|\n{rows}")
-
-    def episode(self, number: int, measures: Mapping[str, float], folder: Path) -> None:
-        """One step of each number."""
-        for name, value in measures.items():
-            self._writer.add_scalar(name, value, number)
-
-    def end(self, *, well: bool) -> None:
-        """Close the file."""
-        if self._writer is not None:
-            self._writer.close()
-
-
 @hookimpl
 def gvla2_trackers() -> list[Component[Tracker]]:
-    """``tracker=mlflow``, ``wandb`` and ``tensorboard``."""
+    """``tracker=mlflow`` and ``tracker=wandb``."""
     return [
         Component("mlflow", MLflowConfig, MLflowTracker),
         Component("wandb", WandbConfig, WandbTracker),
-        Component("tensorboard", TensorBoardConfig, TensorBoardTracker),
     ]

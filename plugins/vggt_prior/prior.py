@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from gvla2_plugins.vggt_prior import VggtPriorConfig
 
 
-def decode_poses(encoding: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """``world_from_camera`` (S, 4, 4) and fields of view (S, 2), vertical and horizontal, radians.
+def decode_poses(encoding: ArrayLike) -> NDArray[np.float64]:
+    """``world_from_camera`` (S, 4, 4), OpenCV axes, in the frame of the first camera and a scale of the network's own.
 
     A row of the encoding (S, 9) is a camera_from_world translation (3), rotation quaternion xyzw (4, of any length
-    but zero), and two fields of view; OpenCV axes, in the frame of the first camera and a scale of the network's own.
+    but zero), and two fields of view.
     """
     rows = np.asarray(encoding, dtype=np.float64)
     rotation = Rotation.from_quat(rows[:, 3:7]).as_matrix()  # camera from world
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3] = rotation.transpose(0, 2, 1)
     poses[:, :3, 3] = -np.einsum("sji,sj->si", rotation, rows[:, :3])
-    return poses, rows[:, 7:]
+    return poses
 
 
 PURPOSE = "prior=vggt"
@@ -133,20 +133,19 @@ class VggtPrior:
             raise GeometryError(f"prior=vggt takes views of one size, got (height, width) {sorted(sizes)}.")
         height, width = sizes.pop()
         answer = self._run(np.stack([self._picture(view) for view in views]))
-        depth = self._maps(answer, "depth", len(views))
-        confidence = self._maps(answer, "depth_conf", len(views))
         poses = answer["pose_enc"]
         if poses.shape != (1, len(views), 9):
             raise PluginError(
                 f"The network's pose_enc has shape {poses.shape}, expected (1, {len(views)}, 9)."
             )
-        world_from_camera, _ = decode_poses(poses[0])
-        depth, confidence = (nearest(maps, height, width) for maps in (depth, confidence))
+        depth, confidence = (
+            nearest(_maps(answer, key, len(views)), height, width) for key in ("depth", "depth_conf")
+        )
         known = np.isfinite(depth) & (depth > 0) & np.isfinite(confidence)
         return GeometryEstimate(
             np.where(known, depth, np.nan).astype(np.float32),
             np.where(known, np.maximum(confidence, 0.0), 0.0).astype(np.float32),
-            world_from_camera,
+            decode_poses(poses[0]),
         )
 
     def _picture(self, view: View) -> NDArray[np.float32]:
@@ -174,11 +173,10 @@ class VggtPrior:
             raise PluginError(f"The network returned no {', '.join(absent)}: is it a VGGT?")
         return {key: answer[key].float().cpu().numpy() for key in wanted}
 
-    def _maps(self, answer: dict[str, NDArray[np.float32]], key: str, count: int) -> NDArray[np.float32]:
-        """(S, h, w) of (1, S, h, w) or (1, S, h, w, 1)."""
-        maps = answer[key]
-        if maps.ndim == 5 and maps.shape[-1] == 1:
-            maps = maps[..., 0]
-        if maps.ndim != 4 or maps.shape[:2] != (1, count):
-            raise PluginError(f"The network's {key} has shape {maps.shape}, expected (1, {count}, h, w).")
-        return np.asarray(maps[0])
+
+def _maps(answer: dict[str, NDArray[np.float32]], key: str, count: int) -> NDArray[np.float32]:
+    """(S, h, w) of (1, S, h, w) or (1, S, h, w, 1)."""
+    maps = answer[key][..., 0] if answer[key].shape[4:] == (1,) else answer[key]
+    if maps.ndim != 4 or maps.shape[:2] != (1, count):
+        raise PluginError(f"The network's {key} has shape {maps.shape}, expected (1, {count}, h, w).")
+    return np.asarray(maps[0])

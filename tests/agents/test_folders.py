@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.agents.folders import read_tasks
+from gvla2.agents.tasks import read_tasks
 from gvla2.errors import ConfigurationError
 
 OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 from gvla2.agents.contracts import AgentTask, EnvironmentFailedError
-from gvla2.agents.folders import read_task, read_tasks
 from gvla2.agents.sandbox import BubblewrapSandbox, bubblewrap
-from gvla2.agents.solving import run_tests
+from gvla2.agents.tasks import read_task, read_tasks, run_tests
 from gvla2.errors import ConfigurationError, MissingDependencyError
 
 OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
@@ -145,6 +144,6 @@ def test_without_the_program_the_error_names_it(tmp_path: Path, monkeypatch):
 def test_each_of_our_tasks_is_solved_by_its_solution_and_by_nothing_else(sandboxed, task):
     with bubblewrap(task) as box:
         assert run_tests(task, box).status != 0
-        with box.mounted(task.folder / "solution", "/solution"):
-            assert box.run("bash /solution/solve.sh").status == 0
+        shown = {task.folder / "solution": "/solution"}
+        assert box.run("bash /solution/solve.sh", shown=shown).status == 0
         assert run_tests(task, box).status == 0

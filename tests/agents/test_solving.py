@@ -4,15 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.agents.folders import read_tasks
 from gvla2.agents.sandbox import bubblewrap
-from gvla2.agents.solving import attempt
+from gvla2.agents.tasks import attempt, read_tasks
 from gvla2.language.contracts import LanguageModelError
 from gvla2.memory import KnowledgeBank
 from gvla2.testing import check_agent
 from gvla2_plugins.exit_status import ExitStatusConfig, ExitStatusVerifier
-from gvla2_plugins.mini_swe import MiniSweConfig
-from gvla2_plugins.mini_swe.agent import MiniSwe
+from gvla2_plugins.mini_swe import MiniSwe, MiniSweConfig
 from tests.agents.scripted import block, endpoint, giving
 from tests.local_model import LocalModel, refused, said
 

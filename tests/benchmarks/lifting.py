@@ -30,7 +30,7 @@ from gvla2.episode.loop import Components, EpisodeRequest, run_episode
 from gvla2.episode.record import EpisodeRecord
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
-from gvla2.robot.scan import chosen, mesh_library, read_scan, spoken
+from gvla2.robot.scan import mesh_library, read_scan, spoken
 
 NARROW = 0.075
 
@@ -71,7 +71,7 @@ def main() -> None:
     options = parser.parse_args()
     logging.disable(logging.WARNING)
     registry = load_plugins()
-    library = chosen(mesh_library(options.folder), options.names.split(",") if options.names else [])
+    library = mesh_library(options.folder, options.names.split(",") if options.names else [])
     register(registry, schemas())
     narrow = {name: min(read_scan(path).size) for name, path in library.items()}
     groups = [tuple(library)] if options.count > 1 else [(name,) for name in library]

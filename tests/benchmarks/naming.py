@@ -19,7 +19,7 @@ from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import Observation, View, Views
-from gvla2.perception.clusters import clusters
+from gvla2.perception.clusters import cloud_of, clusters
 from gvla2.perception.frames import frames_of, raised
 from gvla2.perception.gallery import Gallery
 from gvla2.perception.scans import read_scan, resting_turns, scan_files
@@ -111,7 +111,7 @@ def main():
                 observation = seen(laid(path, rng, pose == 0), rng, erring)
                 frames, table, _ = frames_of(observation.views, WORKSPACE)
                 found = clusters(frames, [raised(f, table, WORKSPACE) for f in frames])
-                points = found.points(frames, 0) if found.count else np.zeros((0, 3))
+                points, _ = cloud_of(frames, [image == 0 for image in found])
                 obj = SceneObject("o1", "object", "other", "", np.eye(4), np.ones(3), points)
                 scene = Scene((obj,), table.height_at(0.3, 0.0), WORKSPACE)
                 (answer,) = whole.names([obj], scene, observation)

@@ -14,7 +14,6 @@ from gvla2.episode.failure_diagnosis import diagnose
 from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.transform import rigid
 from gvla2.planning.contracts import Candidate, Plan
-from gvla2.planning.effects import Order
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
@@ -90,16 +89,6 @@ def test_a_bound_goes_with_the_objects_size_where_the_plan_says_so() -> None:
     (signal,) = diagnose(slipped)
     assert signal.effect is not None
     assert (signal.effect.scale, signal.effect.value) == ("height", pytest.approx(0.5))
-
-
-def test_letting_go_before_putting_down_teaches_the_order() -> None:
-    wrong = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.5, 0, 0.02), 1.0))
-    (signal,) = diagnose(episode("place", CUBE, None, wrong, {}))
-    assert signal.kind == "opened_early"
-    assert signal.effect == Order("lower before drop", skill="place", object="red")
-    assert signals_of(episode("place", CUBE, None, PLACE, {})) == []
-    elsewhere = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.2, 0, 0.02), 1.0))
-    assert signals_of(episode("place", CUBE, None, elsewhere, {})) == []
 
 
 def box(angle: float) -> tuple[SceneObject, SceneObject]:

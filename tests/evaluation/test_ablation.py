@@ -1,19 +1,17 @@
-"""The ablation's drift, its noises of the prior by name, and the plain use of depth."""
+"""The ablation's drift, and its noises of the prior by name."""
 
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from gvla2.evaluation.ablation import DRIFTS, NOISES, Drift, DriftSize, carved
+from gvla2.evaluation.ablation import DRIFTS, NOISES, Drift, DriftSize
 from gvla2.evaluation.protocol import protocol_cameras
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
-from gvla2.reconstruction.view_set import ViewSet
+from gvla2.reconstruction.contracts import Reconstruction
 from gvla2_plugins.depth_prior import DepthPriorConfig, LearnedNoise
 from gvla2_plugins.depth_prior.prior import DepthPrior
 
@@ -37,17 +35,6 @@ def views(shape) -> Views:
     shots = RayCaster([Surface(shape.vertices, shape.faces, np.array([0.7, 0.4, 0.2]), 0)]).cast(cameras, {})
     pairs = zip(cameras, shots, strict=True)
     return Views(tuple(View(c, s.image, s.depth, (s.ids >= 0).astype(np.float32)) for c, s in pairs))
-
-
-def error(mesh, shape):
-    points = mesh.sample(3000, np.random.default_rng(0))[0]
-    return float(cKDTree(shape.sample(30_000, seed=0)).query(points)[0].mean())
-
-
-def test_carving_uses_exact_depth_well(views, shape):
-    depth = np.stack([view.depth for view in views])
-    known = GeometryEstimate(depth, np.isfinite(depth).astype(np.float32))
-    assert error(carved(views, known), shape) < 0.8 * error(ViewSet(views).hull_surface, shape)
 
 
 @pytest.mark.parametrize("name", NOISES)

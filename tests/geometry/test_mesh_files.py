@@ -9,19 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError, OutputError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import (
-    map_glb,
     read_mesh,
     read_textured_mesh,
     to_y_up,
     to_z_up,
     write_mesh,
 )
-from gvla2.geometry.transform import rigid, transform_points
 
 
 @given(arrays(float, (4, 3), elements=st.floats(-10, 10)))
@@ -224,68 +221,3 @@ def test_writing_into_nowhere_is_an_output_error(tmp_path: Path) -> None:
         write_mesh(tmp_path / "nowhere" / "m.obj", wedge(False))
     with pytest.raises(GeometryError, match=r"'\.stl'"):
         write_mesh(tmp_path / "m.stl", wedge(False))
-
-
-@pytest.fixture
-def scene_file(tmp_path: Path) -> Path:
-    """Two textured, named parts under nodes with a rotation, a shift and a scale."""
-    scene = trimesh.Scene()
-    for i, name in enumerate(("body", "lid")):
-        part = trimesh.creation.icosphere(subdivisions=2, radius=0.1 * (i + 1))
-        image = Image.fromarray(np.full((4, 4, 3), 60 * (i + 1), dtype=np.uint8))
-        part.visual = trimesh.visual.TextureVisuals(
-            uv=np.random.default_rng(i).random((len(part.vertices), 2)),
-            material=trimesh.visual.material.PBRMaterial(
-                baseColorTexture=image, roughnessFactor=0.3, name=name
-            ),
-        )
-        pose = rigid(Rotation.from_euler("xyz", [0.3, -0.5, i]).as_matrix(), (0.1, 0.2, 0.3 * i))
-        pose[:3, :3] *= 1 + i
-        scene.add_geometry(part, node_name=f"node_{name}", geom_name=name, transform=pose)
-    path = tmp_path / "scene.glb"
-    path.write_bytes(scene.export(file_type="glb", include_normals=True))
-    return path
-
-
-def test_a_moved_glb_keeps_materials_textures_and_scene(scene_file: Path) -> None:
-    motion = rigid(Rotation.from_euler("zyx", [0.7, 0.2, -0.4]).as_matrix(), (1.0, -2.0, 0.5))
-    out = scene_file.with_name("out.glb")
-    map_glb(scene_file, out, lambda points: transform_points(motion, points))
-    before, scene = (trimesh.load_scene(path, process=False) for path in (scene_file, out))
-    assert set(scene.graph.nodes_geometry) == {"node_body", "node_lid"}
-    for node in scene.graph.nodes_geometry:
-        (old, name), (new, _) = before.graph[node], scene.graph[node]
-        was, part = before.geometry[name], scene.geometry[name]
-        placed = (to_z_up(transform_points(old, was.vertices)), to_z_up(transform_points(new, part.vertices)))
-        np.testing.assert_allclose(placed[1], transform_points(motion, placed[0]), atol=1e-6)
-        np.testing.assert_array_equal(part.visual.uv, was.visual.uv)
-    lid = scene.geometry["lid"]
-    assert lid.visual.material.name == "lid"
-    assert lid.visual.material.roughnessFactor == pytest.approx(0.3)
-    assert lid.visual.material.baseColorTexture.getpixel((0, 0))[:3] == (120, 120, 120)
-    for part in scene.geometry.values():  # on a sphere the normal is the direction from the centre
-        radial = part.vertices - part.vertices.mean(axis=0)
-        radial /= np.linalg.norm(radial, axis=1, keepdims=True)
-        assert np.einsum("ij,ij->i", part.vertex_normals, radial).min() > 0.99
-
-
-def test_a_mesh_placed_twice_moves_only_if_its_copies_agree(tmp_path: Path) -> None:
-    scene = trimesh.Scene()
-    scene.add_geometry(trimesh.creation.box((1, 1, 1)), geom_name="box", node_name="one")
-    scene.graph.update("two", geometry="box", matrix=trimesh.transformations.translation_matrix([5, 0, 0]))
-    path = tmp_path / "twice.glb"
-    scene.export(path)
-    map_glb(path, tmp_path / "out.glb", lambda points: points + np.array([0, 0.1, 0]))
-    assert np.allclose(read_mesh(tmp_path / "out.glb").bounds - read_mesh(path).bounds, [0, 0.1, 0])
-    with pytest.raises(GeometryError, match="finite positions"):
-        map_glb(path, tmp_path / "out.glb", lambda points: points[:1])
-    with pytest.raises(GeometryError, match="several times"):
-        map_glb(path, tmp_path / "out.glb", lambda points: points * 2)
-
-
-def test_a_mesh_squeezed_flat_cannot_be_moved(tmp_path: Path) -> None:
-    scene = trimesh.Scene()
-    scene.add_geometry(trimesh.creation.box((1, 1, 1)), transform=np.diag([1.0, 1.0, 0.0, 1.0]))
-    scene.export(tmp_path / "t.glb")
-    with pytest.raises(GeometryError, match="flat"):
-        map_glb(tmp_path / "t.glb", tmp_path / "out.glb", lambda points: points)

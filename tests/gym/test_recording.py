@@ -65,17 +65,3 @@ def test_what_cannot_be_kept_is_told(tmp_path):
     with pytest.raises(ConfigurationError, match="image_size=16 or more"):
         RecordRollouts(env, tmp_path / "tiny")
     env.close()
-
-
-def test_environments_side_by_side_share_a_folder(tmp_path):
-    envs = [RecordRollouts(gymnasium.make(ENV, **SMALL), tmp_path / "rollouts") for _ in range(2)]
-    for seed in range(2):
-        for env in envs:
-            env.reset(seed=seed)
-    for env in envs:
-        env.close()
-    stored = sorted((tmp_path / "rollouts").glob("*/result.json"))
-    assert [file.parent.name for file in stored] == ["000000", "000001", "000002", "000003"]
-    assert {json.loads(file.read_text())["episode"] for file in stored} == {
-        f"rollout-{file.parent.name}" for file in stored
-    }

@@ -1,11 +1,9 @@
 """Reading answers: reasoning apart, tokens in their places, damage distinguished from absence."""
 
-from typing import Any
-
 import pytest
 
 from gvla2.language import MalformedAnswerError, Usage
-from gvla2.language.wire import read_completion
+from gvla2.language.endpoint import read_completion
 from tests.local_model import said
 
 
@@ -31,28 +29,6 @@ def test_reasoning_is_kept_apart(content: str, reasoning: str, answer: str):
 def test_reasoning_in_a_field_of_its_own():
     read = read_completion(said("yes", reasoning="it is so"))
     assert (read.reasoning, read.text) == ("it is so", "yes")
-
-
-def thinking(answer: str = "<score>B</score>") -> dict[str, Any]:
-    """A stream that holds the reasoning as well, with a score of its own in it."""
-    body = said(answer, reasoning="maybe <score>A</score>")
-    tokens = [("maybe <score>", {}), ("A", {"A": 1.0}), ("</score>", {}), ("</think>", {}), ("\n\n<score>", {}),
-              ("B", {"B": 0.9, "C": 0.1}), ("</score>", {}), ("<|im_end|>", {})]  # fmt: skip
-    body["choices"][0]["logprobs"] = said("", tokens)["choices"][0]["logprobs"]
-    return body
-
-
-def test_tokens_of_the_reasoning_are_left_out():
-    tokens = read_completion(thinking()).tokens
-    assert [t.text for t in tokens] == ["\n\n<score>", "B", "</score>"]
-    assert [t.start for t in tokens] == [-2, 7, 8]
-
-
-def test_a_stream_that_spells_something_else_is_no_evidence():
-    assert (
-        read_completion(said("<score>A</score>", [("<score>", {}), ("T", {}), ("</score>", {})])).tokens == ()
-    )
-    assert read_completion(said("A", [("A", {}), (" and more", {})])).tokens == ()
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.language.contracts import Token
+from gvla2.language.endpoint import read_completion
 from gvla2.language.score_tokens import LETTERS, TokenScore, phi, score_answer
-from gvla2.language.wire import read_completion
 from tests.local_model import said
 
 
@@ -88,10 +87,17 @@ def test_any_tokenisation_gives_the_same_score(prefix, odds, valid, chosen, blan
     assert score.value == pytest.approx(math.fsum(p * phi(v) for v, p in odds.items()) / valid)
 
 
-def one(text: str, *alternatives: tuple[str, float], start: int = 7) -> TokenScore:
+def one(text: str, *alternatives: tuple[str, float]) -> TokenScore:
     """The score of an answer whose letter stands in one token with these log-probabilities."""
-    token = Token(text.encode(), start, alternatives[0][1], alternatives)
-    return score_answer("<score>B</score>", [token])
+    stream = ((b"<score>", {}), (text.encode(), dict(alternatives)), (b"</score>", {}))
+    return score_answer("<score>B</score>", stream)
+
+
+def test_tokens_of_the_reasoning_and_of_another_answer_are_no_evidence() -> None:
+    thought = [(b"maybe <score>", {}), (b"A", {"A": 0.0}), (b"</score></think>\n\n<score>", {})]
+    score = score_answer("<score>B</score>", [*thought, (b"B", {"B": 0.0}), (b"</score><|im_end|>", {})])
+    assert (score.value, score.source) == (phi("B"), "distribution")
+    assert one("T", ("T", 0.0)) == TokenScore(phi("B"), 0.0, "tag")
 
 
 def test_below_half_the_mass_the_letter_counts_as_written():
@@ -104,7 +110,6 @@ def test_below_half_the_mass_the_letter_counts_as_written():
 @given(st.lists(st.tuples(st.text(max_size=6), st.floats()), min_size=1, max_size=12), st.text(max_size=30))
 def test_the_score_is_a_share_whatever_the_server_sends(alternatives, text):
     answer = f"{text}<score>B</score>"
-    token = Token(answer.encode(errors="replace"), 0, 0.0, tuple(alternatives))
-    score = score_answer(answer, [token])
+    score = score_answer(answer, [(answer.encode(errors="replace"), dict(alternatives))])
     assert 0.0 <= score.value <= 1.0
     assert 0.0 <= score.mass <= 1.0

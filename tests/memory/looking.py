@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from gvla2.memory.audit import audit
 from gvla2.memory.candidates import Candidates
 from gvla2.memory.store import Store
+from gvla2.memory.view import audit
 
 
 class look:  # noqa: N801  # it is used like a function

@@ -18,25 +18,25 @@ HINT = Lesson("procedural_hint", "Lift the cup 15 cm above the table.")
 AVOID = Lesson("failure_avoidance", "Fast turns spilt the soup.")
 
 
-def test_what_is_ours_and_verified_becomes_active_at_once() -> None:
-    assert weigh(HINT, YES).state == weigh(AVOID, NO).state == "active"
-    assert weigh(HINT, YES).trust == "own"
-    assert weigh(HINT, UNSURE).state == weigh(HINT, Verdict.unavailable("x")).state == "provisional"
-
-
-def test_failures_teach_constraints_alone() -> None:
-    assert weigh(HINT, NO).state is None
-    assert weigh(AVOID, NO, BankOptions(failures=False)).state is None
-    assert weigh(Lesson("tool_usage", "  "), YES).state is None
-
-
-def test_no_verdict_promotes_what_is_not_believed() -> None:
-    assert weigh(HINT, YES, trust="foreign").state == "provisional"
-
-
-def test_without_admission_what_is_ours_is_let_in_and_nothing_else() -> None:
-    assert weigh(HINT, UNSURE, BankOptions(admission=False)).state == "active"
-    assert weigh(HINT, UNSURE, BankOptions(admission=False), trust="foreign").state == "provisional"
+@pytest.mark.parametrize(
+    ("lesson", "verdict", "trust", "options", "state"),
+    [
+        (HINT, YES, "own", {}, "active"),
+        (AVOID, NO, "own", {}, "active"),
+        (HINT, UNSURE, "own", {}, "provisional"),
+        (HINT, Verdict.unavailable("x"), "own", {}, "provisional"),
+        (HINT, NO, "own", {}, None),
+        (AVOID, NO, "own", {"failures": False}, None),
+        (Lesson("tool_usage", "  "), YES, "own", {}, None),
+        (HINT, YES, "foreign", {}, "provisional"),
+        (HINT, UNSURE, "own", {"admission": False}, "active"),
+        (HINT, UNSURE, "foreign", {"admission": False}, "provisional"),
+    ],
+)
+def test_the_state_follows_from_verdict_and_origin(
+    lesson: Lesson, verdict: Verdict, trust: Any, options: dict[str, bool], state: str | None
+) -> None:
+    assert weigh(lesson, verdict, BankOptions(**options), trust=trust)[0] == state
 
 
 def test_a_verdict_that_contradicts_itself_is_not_believed() -> None:

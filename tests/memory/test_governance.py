@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryTask
-from gvla2.memory.governance import PROGRAMS, retention
+from gvla2.memory.learning import PROGRAMS, JudgedEpisode, admit, retention
 from gvla2.memory.records import Record
 from tests.memory.corpus import lessons as records
 from tests.memory.looking import look
@@ -60,13 +60,17 @@ def test_stale_failures_that_nobody_used_retire(
 
 def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank(active_budget=40, provisional_budget=15)
-    items = [(lesson, verdicts["success"], task, "") for lesson, task in many_lessons(150)]
-    items += [(lesson, verdicts["uncertain"], task, "") for lesson, task in many_lessons(60, seed=1)]
+    items = [(lesson, verdicts["success"], task) for lesson, task in many_lessons(150)]
+    items += [(lesson, verdicts["uncertain"], task) for lesson, task in many_lessons(60, seed=1)]
+    judged = [
+        JudgedEpisode.lesson(lesson, verdict, MemoryTask(task), "", own=True)
+        for lesson, verdict, task in items
+    ]
     for start in range(0, len(items), 30):
-        bank.admit_many(items[start : start + 30], trusted=True)
+        admit(bank, judged[start : start + 30])
         assert len(bank.records(["active"])) <= 40
         assert len(bank.records(["provisional"])) <= 15
-        assert len(bank.index) <= 55  # what is archived takes no room in memory
+        assert not bank.index.records("archive")  # it takes no room in memory
     assert len(bank.records()) == 210  # nothing was deleted
     assert bank.verify() == []
 

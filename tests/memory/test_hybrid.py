@@ -11,7 +11,7 @@ import pytest
 from gvla2.memory.candidates import Candidates, HeldRecord
 from gvla2.memory.contracts import Lesson, MemoryTask, Ranked
 from gvla2.memory.embedding import StaticEmbedder
-from gvla2.memory.options import HybridOptions, ScoreWeights, SemanticOptions
+from gvla2.memory.options import HybridOptions, ScoreWeights
 from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
 from gvla2.memory.text import subqueries, terms
 from gvla2.testing.memory import candidates
@@ -205,7 +205,7 @@ def test_semantic_is_cosine_alone() -> None:
     table = EMBEDDER.embed([bank.record(i).text for i in range(500)])
     for task in tasks(5, 8):
         vector = EMBEDDER.embed([task.query])[0]
-        ranked, _ = SemanticRetriever(SemanticOptions(top_k=7)).rank(task, bank, vector)
+        ranked, _ = SemanticRetriever(top_k=7).rank(task, bank, vector)
         expected = np.argsort(-(table @ vector), kind="stable")[:7]
         assert {r.row for r in ranked} == set(expected.tolist())
         assert [r.score for r in ranked] == sorted((r.score for r in ranked), reverse=True)

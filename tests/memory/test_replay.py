@@ -7,6 +7,7 @@ import pytest
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.review import replay
 from tests.memory.looking import look
 
 Open = Callable[..., Any]
@@ -41,8 +42,7 @@ def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, v
     bank = open_bank()
     (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
     judge = Judge(verdicts["success"])
-    replayed = bank.replay(judge)
-    assert replayed.promoted == [id]
+    replay(bank, judge)
     assert judge.seen[0].facts == {"exit_status": 0}
     assert "handle" in judge.seen[0].transcript
     (record,) = bank.records(["active"])
@@ -54,8 +54,8 @@ def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, v
 
 def test_a_recipe_of_an_episode_that_failed_after_all_is_archived(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
-    assert bank.replay(Judge(verdicts["fail"])).demoted == [id]
+    bank.learn(learned(), verdicts["uncertain"])
+    replay(bank, Judge(verdicts["fail"]))
     assert [r.state for r in bank.records()] == ["archive"]
 
 
@@ -70,9 +70,7 @@ def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any,
     bank = open_bank()
     bank.learn(learned(), verdicts["uncertain"])
     before, events = bank.records(), bank.stats()["events"]
-    replayed = bank.replay(Broken())
-    assert replayed.episodes == 1
-    assert "no network" in replayed.notes[0]
+    replay(bank, Broken())
     assert bank.records() == before
     assert bank.stats()["events"] == events
 
@@ -82,9 +80,9 @@ def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verd
     bank.learn(learned("run/1", PULLED), verdicts["success"])
     bank.learn(learned("run/2", NEVER), verdicts["fail"])
     assert [link.kind for link in look(bank.store, bank.bank).links()] == ["conflict"]
-    replayed = bank.replay(Judge(verdicts["fail"]))
-    assert replayed.episodes == 2
-    assert len(replayed.demoted) == 1
+    judge = Judge(verdicts["fail"])
+    replay(bank, judge, limit=9)
+    assert len(judge.seen) == 2
     states = {r.type: r.state for r in bank.records()}
     assert states == {"procedural_hint": "archive", "failure_avoidance": "active"}
 
@@ -94,9 +92,9 @@ def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, 
     for i in range(9):
         bank.learn(learned(f"run/{i}", PULLED), verdicts["success"])
     bank.learn(learned("other", NEVER), verdicts["fail"])
-    replayed = bank.replay(Judge(verdicts["fail"]), limit=2)
-    assert replayed.episodes == 2
-    assert replayed.demoted == []
+    judge = Judge(verdicts["fail"])
+    replay(bank, judge, limit=2)
+    assert len(judge.seen) == 2
     (hint,) = [r for r in bank.records(["active"]) if r.type == "procedural_hint"]
     assert 0.4 <= hint.confidence < 0.85
 
@@ -116,7 +114,6 @@ def test_replay_can_be_switched_off(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank(verifier=judge, replay=False)
     bank.learn(learned("run/1"), verdicts["uncertain"])
     bank.learn(learned("run/2", AVOID), verdicts["fail"])
-    assert bank.replay(judge).episodes == 0
     assert judge.seen == []
 
 
@@ -125,7 +122,7 @@ def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: O
     other = Lesson(HINT.type, "Pull the drawer far.", {**PULLED.effect, "value": 0.9})
     (first,) = bank.learn(learned("run/1", PULLED), verdicts["success"]).added
     (second,) = bank.learn(learned("run/2", other), verdicts["uncertain"]).provisional
-    bank.replay(Judge(verdicts["success"]))
+    replay(bank, Judge(verdicts["success"]))
     assert sorted((r.id in (first, second), r.state) for r in bank.records()) == [
         (True, "active"),
         (True, "archive"),
@@ -139,5 +136,6 @@ def test_a_forgotten_episode_cannot_be_replayed(open_bank: Open, verdicts: Any) 
     assert bank.forget(id)
     assert not bank.forget(id)
     judge = Judge(verdicts["success"])
-    assert bank.replay(judge).episodes == 0
+    replay(bank, judge)
+    assert judge.seen == []
     assert bank.records() == []

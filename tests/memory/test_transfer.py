@@ -10,7 +10,7 @@ import pytest
 from gvla2.errors import MemoryStoreError, OutputError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson
-from gvla2.memory.transfer import export_jsonl
+from gvla2.memory.transfer import export_jsonl, import_jsonl
 
 Open = Callable[..., KnowledgeBank]
 BOUND = {"kind": "bound", "parameter": "lift", "op": ">=", "value": 0.15}
@@ -28,19 +28,18 @@ def file(open_bank: Open, verdicts: Any, tmp_path: Path) -> Path:
                trusted=True)  # fmt: skip
     bank.admit("Wring the cloth out.", verdicts["success"], task="wipe the table", source="club")
     bank.admit("Swing fast.", verdicts["success"], task="open the drawer", source="lab")
-    done = export_jsonl(bank.store, "first", tmp_path / "out.jsonl")
-    assert (done.records, done.left_out) == (5, 0)
-    return done.file
+    assert export_jsonl(bank.store, "first", tmp_path / "out.jsonl") == 5
+    return tmp_path / "out.jsonl"
 
 
 def test_of_ones_own_export_ones_own_active_lessons_become_active(open_bank: Open, file: Path) -> None:
     bank = open_bank("second")
-    done = bank.import_(file, trusted=True)
+    done = import_jsonl(bank, file, trusted=True)
     assert (len(done.added), len(done.held_back), done.left_out, done.broken) == (2, 2, 1, ())
     active = {record.content: record for record in bank.records(["active"])}
     assert set(active) == {"Lift it at least 15 cm.", "Never pull the cord."}
     assert active["Lift it at least 15 cm."].effect_json() == BOUND
-    again = bank.import_(file, trusted=True)
+    again = import_jsonl(bank, file, trusted=True)
     assert (again.added, again.held_back) == ((), ())
     assert len(bank.records()) == 4
     assert bank.verify() == []
@@ -48,7 +47,7 @@ def test_of_ones_own_export_ones_own_active_lessons_become_active(open_bank: Ope
 
 def test_whatever_a_file_says_it_waits(open_bank: Open, file: Path) -> None:
     bank = open_bank("second")
-    assert bank.import_(file).added == ()
+    assert import_jsonl(bank, file).added == ()
     assert {record.state for record in bank.records()} == {"provisional"}
     assert not bank.recall("lift the cup").items
 
@@ -59,14 +58,14 @@ def test_broken_lines_are_named_and_the_others_read(open_bank: Open, tmp_path: P
     odd += [json.dumps({**good, "effect": {"value": 1e300}}).encode(), b'{"content": "x", "quality": NaN}']
     path = tmp_path / "in.jsonl"
     path.write_bytes(b"\n".join([json.dumps(good).encode(), *odd]))
-    done = open_bank().import_(path)
+    done = import_jsonl(open_bank(), path)
     assert len(done.held_back) == 1
     assert [line.partition(":")[0] for line in done.broken] == [f"in.jsonl, line {i}" for i in range(2, 9)]
     path.write_bytes(b"nonsense")
     with pytest.raises(MemoryStoreError, match="not an export"):
-        open_bank().import_(path)
+        import_jsonl(open_bank(), path)
     with pytest.raises(MemoryStoreError, match="Cannot read"):
-        open_bank().import_(tmp_path / "nowhere")
+        import_jsonl(open_bank(), tmp_path / "nowhere")
 
 
 def test_an_export_replaces_nothing(open_bank: Open, file: Path) -> None:

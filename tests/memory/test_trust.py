@@ -10,6 +10,7 @@ import pytest
 
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.review import replay
 
 GOOD = Verdict.from_criteria({"completion": 0.95, "safety": 0.9}, verifier="easily fooled")
 Open = Callable[..., KnowledgeBank]
@@ -62,7 +63,7 @@ def test_a_verifier_that_is_fooled_again_wins_nothing(open_bank: Open) -> None:
         task, text = parts(line)
         bank.admit(hint(text), GOOD, task=task, source="friend")
     for _ in range(10):
-        bank.replay(Fooled(), limit=50)
+        replay(bank, Fooled(), limit=50)
     assert not bank.records(["active"])
 
 

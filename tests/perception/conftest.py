@@ -1,5 +1,7 @@
 """A table with shapes on it, seen by ray casting, and a segmenter that needs no weights."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import trimesh
@@ -8,6 +10,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along, rigid
 from gvla2.geometry.views import Observation, View, Views
+from gvla2.perception.clicks import Segments
 from gvla2.planning.scene import Box
 
 TABLE = 0.5
@@ -80,39 +83,24 @@ class ByColour:
     """A segmenter without weights: what has the colour of the clicked pixel, in the box, connected or not."""
 
     def __init__(self, tolerance=90.0):
-        self.tolerance, self.encodes, self.prompts = tolerance, 0, 0
+        self.tolerance = tolerance
 
     def encode(self, image):
-        self.encodes += 1
-        return _Picture(self, image.astype(float))
+        return partial(self._segment, image.astype(float))
 
-
-class _Picture:
-    def __init__(self, model, image):
-        self.model, self.image = model, image
-
-    def segment(self, prompts):
-        from gvla2.perception.clicks import Segments
-
-        logits, scores = [], []
+    def _segment(self, image, prompts):
+        masks = []
         for prompt in prompts:
-            self.model.prompts += 1
-            mask = np.zeros(self.image.shape[:2], dtype=bool)
+            mask = np.zeros(image.shape[:2], dtype=bool)
             for (u, v), positive in zip(prompt.points, prompt.positive, strict=True):
-                alike = (
-                    np.linalg.norm(self.image - self.image[int(v), int(u)], axis=-1) < self.model.tolerance
-                )
+                alike = np.linalg.norm(image - image[int(v), int(u)], axis=-1) < self.tolerance
                 mask = mask | alike if positive else mask & ~alike
             if prompt.box is not None:
                 rows, columns = np.indices(mask.shape)
                 left, top, right, bottom = prompt.box
                 mask &= (columns >= left - 1) & (columns <= right) & (rows >= top - 1) & (rows <= bottom)
-            logits.append(np.where(mask, 5.0, -5.0)[None])
-            scores.append([0.9])
-        shape = (len(prompts), 1, *self.image.shape[:2])
-        return Segments(
-            np.array(logits, dtype=np.float32).reshape(shape), np.array(scores).reshape(len(prompts), 1)
-        )
+            masks.append(mask[None])
+        return Segments(np.array(masks), np.full((len(prompts), 1), 0.9))
 
 
 @pytest.fixture

@@ -96,11 +96,11 @@ def test_a_mask_that_is_no_object_does_not_replace_a_good_one(seen):
         def segment(self, prompts):
             self.calls += 1
             if self.calls == 1:
-                return encoded.segment(prompts)
-            return Segments(np.full((1, 1, *image.shape[:2]), 5.0, np.float32), np.array([[0.9]]))
+                return encoded(prompts)
+            return Segments(np.ones((1, 1, *image.shape[:2]), bool), np.array([[0.9]]))
 
     with clicking(at(proposals[1]), at(proposals[1], shift=5)) as model:
-        found = ask(model, (image, Turns(), proposals))
+        found = ask(model, (image, Turns().segment, proposals))
     assert iou(found.mask, proposals[1]) > 0.8
     assert found.refused
 
@@ -153,10 +153,7 @@ def test_a_part_that_geometry_did_not_separate_is_added(world, two):
 
     class Painted:
         def encode(self, image):
-            return self
-
-        def segment(self, prompts):
-            return Segments(np.where(painted, 5.0, -5.0).astype(np.float32)[None, None], np.array([[0.9]]))
+            return lambda prompts: Segments(painted[None, None], np.array([[0.9]]))
 
     with clicking(at(painted), DONE) as model:
         options = VisionOptions(base_url=model.url)

@@ -6,7 +6,7 @@ import trimesh
 
 from gvla2.geometry.transform import rigid
 from gvla2.geometry.views import Views
-from gvla2.perception.clusters import clusters
+from gvla2.perception.clusters import cloud_of, clusters
 from gvla2.perception.frames import frames_of, raised
 from gvla2.perception.gallery import Gallery
 from gvla2.perception.labels import labelled
@@ -34,9 +34,9 @@ def scene_of(world, observation):
     frames, table, _ = frames_of(observation.views, world.WORKSPACE)
     found = clusters(frames, [raised(f, table, world.WORKSPACE) for f in frames])
     objs = []
-    for k in range(found.count):
-        rgb = np.concatenate([f.view.image[m == k] for f, m in zip(frames, found.maps, strict=True)]) / 255.0
-        objs.append(object_of(found.points(frames, k), rgb, world.TABLE, 1.0, f"o{k}"))
+    for k in range(1 + max(int(image.max()) for image in found)):
+        cloud = cloud_of(frames, [image == k for image in found])
+        objs.append(object_of(*cloud, world.TABLE, 1.0, f"o{k}"))
     return Scene(tuple(objs), world.TABLE, world.WORKSPACE, "test")
 
 

@@ -11,7 +11,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_gripper, check_trajectory
 from gvla2.planning.checks_motion import width_along
-from gvla2.planning.effects import Bound, Order
+from gvla2.planning.effects import Bound
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
@@ -218,15 +218,6 @@ def test_bounds_in_shares_bind_by_the_handled_objects_sides():
     assert check(
         *GOOD, effects=[bound], parameters={"grasp_depth": 0.0}, skill="pick"
     ).passed  # no side is known
-
-
-def test_a_remembered_order_rejects_stages_the_other_way_round():
-    order = Order("lift before close", skill="pick", source="r9")
-    report = check(*GOOD, effects=[order], skill="pick")
-    assert kinds(report) == {("memory", "order_broken")}
-    assert "r9" in report.reasons[0]
-    assert check(*GOOD, effects=[order], skill="push").passed
-    assert check(*GOOD, effects=[Order("close before lift")], skill="pick").passed
 
 
 # What is between the fingers when they close: plans that a person can judge at a glance

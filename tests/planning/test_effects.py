@@ -10,7 +10,6 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.effects import (
     Ban,
     Bound,
-    Order,
     Prior,
     apply_effects,
     as_shares,
@@ -51,7 +50,6 @@ def test_effects_survive_json_and_bad_ones_are_refused():
     others = (
         Prior("x", 0.5, 3, 0.1, scale="height", object="red"),
         Ban("approach:top"),
-        Order("lower before release"),
     )
     for one in (effect, *others):
         assert effect_from_json(one.to_json()) == one
@@ -65,7 +63,7 @@ def test_effects_survive_json_and_bad_ones_are_refused():
         {"kind": "bound", "parameter": "x", "op": ">=", "value": float("nan")},
         {"kind": "bound", "parameter": "x", "op": ">=", "value": "much"},
         {"kind": "prior", "parameter": "x", "count": 2},
-        {"kind": "order", "parameter": " before release"},
+        {"kind": "prior", "parameter": 3, "value": 1.0, "count": 2},
     ):
         with pytest.raises(PlanningError, match="Not a parameter effect"):
             effect_from_json(bad)
@@ -92,22 +90,6 @@ def test_a_share_of_an_unknown_side_changes_nothing_and_says_so():
     assert "r4 was ignored" in notes[0]
     once = as_shares(share, {"grasp_depth": ("height", 0.1)})
     assert once == share
-
-
-@pytest.mark.parametrize(
-    ("stages", "wrong"),
-    [
-        (["approach", "lower", "release"], False),
-        (["approach", "release", "lower"], True),
-        (["lower", "release", "lower"], False),
-        (["approach", "release"], False),  # other words for the same: not held to it
-        ([], False),
-    ],
-)
-def test_an_order_is_broken_by_the_later_stage_coming_first(stages, wrong):
-    order = effect_from_json({"kind": "order", "parameter": "lower before release"})
-    assert order == Order("lower before release")
-    assert order.broken_by(stages) is wrong
 
 
 def test_bounds_that_exclude_each_other_give_way_to_a_success_or_are_left_out():

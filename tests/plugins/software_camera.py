@@ -42,8 +42,8 @@ class SoftwareCamera:
     ``image`` (H, W, 3) uint8 and ``depth`` (H, W) uint16, in ``unit`` metres, may be changed at any time.
     ``colour_from_depth`` is where the depth sensor sits seen from the colour camera (metres; None for a device that
     does not say), and ``tilt`` its turn about y, radians. ``plugged`` is the device's connection state; ``sends`` are
-    the active streams; ``counting`` is whether frames get new numbers; ``domain`` is the name of the clock that stamps
-    them; ``other_size`` sends depth of half the requested size.
+    the active streams; ``counting`` is whether frames get new numbers; ``other_size`` sends depth of
+    half the requested size.
     """
 
     serial: str = "f0123"
@@ -52,10 +52,8 @@ class SoftwareCamera:
     eye: Optics = field(default_factory=lambda: Optics(64, 48, 60.0))
     unit: float = 0.001
     fps: int = 30
-    colour_format: str = "rgb8"
     colour_from_depth: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
     tilt: float = 0.0
-    domain: str = "system_time"
     plugged: bool = True
     counting: bool = True
     other_size: bool = False
@@ -77,10 +75,9 @@ class SoftwareCamera:
         self._sensors: dict[str, Any] = {}
         self._profiles: dict[str, Any] = {}
         half = Optics(self.eye.width // 2, self.eye.height // 2, self.eye.f / 2)
-        colour_format = getattr(rs.format, self.colour_format)
         self._add("depth", "Stereo Module", self.eye, rs.stream.depth, rs.format.z16, 2)
         self._add("half", "Stereo Module", half, rs.stream.depth, rs.format.z16, 2)
-        self._add("colour", "RGB Camera", self.colour, rs.stream.color, colour_format, 3)
+        self._add("colour", "RGB Camera", self.colour, rs.stream.color, rs.format.rgb8, 3)
         self._sensors["depth"].add_read_only_option(rs.option.depth_units, self.unit)
         if self.colour_from_depth is not None:
             offset = rs.extrinsics()
@@ -135,7 +132,7 @@ class SoftwareCamera:
         frame.bpp = pixels.itemsize * (pixels.shape[2] if pixels.ndim == 3 else 1)
         frame.stride = frame.bpp * pixels.shape[1]
         frame.timestamp = 1e3 * time.time()
-        frame.domain = getattr(rs.timestamp_domain, self.domain)
+        frame.domain = rs.timestamp_domain.system_time
         frame.frame_number = self._number
         frame.profile = self._profiles[key].as_video_stream_profile()
         if key != "colour":

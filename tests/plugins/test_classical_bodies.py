@@ -13,8 +13,7 @@ from gvla2.geometry.views import Views
 from gvla2.perception.registration import agreed
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
-from gvla2_plugins.connected import ConnectedConfig, gvla2_perceivers
-from gvla2_plugins.connected.perceiver import ConnectedPerceiver
+from gvla2_plugins.connected import ConnectedConfig, ConnectedPerceiver, gvla2_perceivers
 from tests.benchmarks import perception as bench
 
 WORKSPACE, TABLE_TOP = bench.WORKSPACE, bench.TABLE_TOP
@@ -142,14 +141,3 @@ def test_solids_in_the_same_space_are_one_object_of_two_colours():
     found = next(o for o in scene.objects if o.colour != "blue")
     assert np.linalg.norm(found.centre - place[:3, 3]) < 0.003
     assert np.abs(np.sort(found.extents) - np.sort(size)).max() < 0.004
-
-
-def test_objects_of_one_colour_that_touch_come_apart_where_one_is_higher():
-    low = bench.put("box", (0.06, 0.06, 0.06), (0.3, 0.0), 0.0, "red")
-    high = bench.put("box", (0.06, 0.06, 0.12), (0.3, 0.0605), 0.0, "red")
-    scene = perceive((), bench.render([low, high], noise=0.0005, robot=[]))
-    assert len(scene.objects) == 2
-    for truth, found in zip((low, high), sorted(scene.objects, key=lambda o: o.top), strict=True):
-        assert np.linalg.norm(found.centre - truth.centre) < 0.003
-        assert np.abs(found.extents - truth.size).max() < 0.004
-        assert not found.parent

@@ -18,7 +18,7 @@ from gvla2.reconstruction.surfels import surfels
 from gvla2.testing import inputs
 from gvla2_plugins.sam3d import gvla2_reconstructors
 
-COMPONENTS = {c.name: c for c in gvla2_reconstructors() if c.name != "result_tree"}
+COMPONENT = next(c for c in gvla2_reconstructors() if c.name == "mv_sam3d")
 
 
 @pytest.fixture
@@ -45,10 +45,9 @@ def _script(checkout, name, body):
     path.write_text("import os, sys, shutil, time, pathlib\nargs = sys.argv[1:]\n" + textwrap.dedent(body))
 
 
-def _build(name, checkout, **options):
-    component = COMPONENTS[name]
+def _build(checkout, **options):
     options = {"python": sys.executable, "checkout": str(checkout), "timeout_s": 60.0, **options}
-    return component.build(component.config(**options))
+    return COMPONENT.build(COMPONENT.config(**options))
 
 
 MV = """
@@ -67,7 +66,7 @@ MV = """
 
 def test_a_run_of_mv_sam3d(views, checkout):
     _script(checkout, "run_inference_weighted.py", MV)
-    made = _build("mv_sam3d", checkout).reconstruct(views)
+    made = _build(checkout).reconstruct(views)
     assert made.status == "ok"
     np.testing.assert_allclose(
         made.gaussians.centres.mean(axis=0), inputs.RED.world_from_block[:3, 3], atol=0.01
@@ -83,58 +82,18 @@ def test_a_run_of_mv_sam3d(views, checkout):
 def test_a_mesh_without_gaussians_serves(views, checkout):
     _script(
         checkout,
-        "notebook/infer.py",
-        """
-        out = pathlib.Path(args[args.index("--output_dir") + 1])
-        image = pathlib.Path(args[args.index("--image_path") + 1])
-        assert image.is_file() and (image.parent / "0.png").is_file() and "--enable_acceleration" in args
-        shutil.copy("cube.glb", out / "splat-faster-0.glb")
-        """,
+        "run_inference_weighted.py",
+        MV.replace('shutil.copy("cube.ply", out / "result.ply")', "pass"),
     )
-    made = _build("fast_sam3d", checkout, gaussians=400).reconstruct(views)
+    made = _build(checkout, gaussians=400).reconstruct(views)
     assert "has no .ply" in made.status
     assert 300 < len(made.gaussians) < 500
-
-
-def test_sam3d_runs_by_our_own_script(views, checkout):
-    # The checkout's notebook/inference.py is the interface; this one answers with the cube.
-    _script(
-        checkout,
-        "notebook/inference.py",
-        """
-        import numpy as np
-        from PIL import Image
-
-        class Copy:
-            def __init__(self, name):
-                self.name = name
-            def save_ply(self, path):
-                shutil.copy(self.name, path)
-            export = save_ply
-
-        def load_image(path):
-            return np.asarray(Image.open(path))
-
-        def load_single_mask(folder, index=0):
-            return np.asarray(Image.open(f"{folder}/{index}.png"))[..., -1] > 0
-
-        class Inference:
-            def __init__(self, config, compile=False):
-                assert os.path.exists(config)
-            def __call__(self, image, mask, seed=None):
-                assert image.shape[:2] == mask.shape and mask.any()
-                return {"gs": Copy("cube.ply"), "glb": Copy("cube.glb"), "scale": None}
-        """,
-    )
-    made = _build("sam3d", checkout).reconstruct(views)
-    assert made.status == "ok"
-    assert len(made.mesh.faces)
 
 
 def test_a_program_that_fails(views, checkout):
     _script(checkout, "run_inference_weighted.py", 'print("loading"); sys.exit("CUDA is required")')
     with pytest.raises(Gvla2Error, match=r"MV-SAM3D ended with exit status 1(.|\n)*CUDA is required"):
-        _build("mv_sam3d", checkout).reconstruct(views)
+        _build(checkout).reconstruct(views)
 
 
 def test_a_program_that_hangs_is_ended_with_its_children(views, checkout):
@@ -151,7 +110,7 @@ def test_a_program_that_hangs_is_ended_with_its_children(views, checkout):
     )
     start = time.monotonic()
     with pytest.raises(Gvla2Error, match=r"ended after 1.5 s; reconstructor\.timeout_s(.|\n)*working"):
-        _build("mv_sam3d", checkout, timeout_s=1.5).reconstruct(views)
+        _build(checkout, timeout_s=1.5).reconstruct(views)
     assert time.monotonic() - start < 20
     child = int((checkout / "child.txt").read_text())
     for _ in range(50):
@@ -170,37 +129,35 @@ def test_a_program_that_hangs_is_ended_with_its_children(views, checkout):
 def test_a_program_that_leaves_nothing_or_rubbish(views, checkout):
     _script(checkout, "run_inference_weighted.py", "pass")
     with pytest.raises(Gvla2Error, match="left no result; looked for visualization/"):
-        _build("mv_sam3d", checkout).reconstruct(views)
+        _build(checkout).reconstruct(views)
     _script(
         checkout,
         "run_inference_weighted.py",
         MV.replace('shutil.copy("cube.ply", out / "result.ply")', '(out / "result.ply").write_text("ply")'),
     )
     with pytest.raises(GeometryError, match=r"result\.ply"):
-        _build("mv_sam3d", checkout).reconstruct(views)
+        _build(checkout).reconstruct(views)
 
 
-@pytest.mark.parametrize("name", sorted(COMPONENTS))
-def test_what_is_missing_is_named(name, checkout, tmp_path):
+def test_what_is_missing_is_named(checkout, tmp_path):
     with pytest.raises(MissingDependencyError, match=r"git clone https://github\.com/.*licence"):
-        _build(name, "")
+        _build("")
     with pytest.raises(MissingDependencyError, match="nowhere"):
-        _build(name, tmp_path / "nowhere")
+        _build(tmp_path / "nowhere")
     with pytest.raises(MissingDependencyError, match=r"no .*\.py in reconstructor\.checkout"):
-        _build(name, checkout)
-    for script in ("run_inference_weighted.py", "notebook/inference.py", "notebook/infer.py"):
-        _script(checkout, script, "")
-    _build(name, checkout)
+        _build(checkout)
+    _script(checkout, "run_inference_weighted.py", "")
+    _build(checkout)
     (checkout / "checkpoints" / "hf" / "pipeline.yaml").unlink()
     with pytest.raises(MissingDependencyError, match=r"the weights(.|\n)*Hugging Face(.|\n)*SAM License"):
-        _build(name, checkout)
+        _build(checkout)
 
 
 def test_options_that_cannot_be(checkout, views):
     _script(checkout, "run_inference_weighted.py", "")
     with pytest.raises(ConfigurationError, match="timeout_s"):
-        _build("mv_sam3d", checkout, timeout_s=0.0)
+        _build(checkout, timeout_s=0.0)
     with pytest.raises(MissingDependencyError, match="no-such-python"):
-        _build("mv_sam3d", checkout, python="no-such-python").reconstruct(views)
+        _build(checkout, python="no-such-python").reconstruct(views)
     with pytest.raises(GeometryError, match="No view has a mask"):
-        _build("mv_sam3d", checkout).reconstruct(inputs.views())
+        _build(checkout).reconstruct(inputs.views())

@@ -12,9 +12,9 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.induction import RulesInducer
+from gvla2.memory.late import LateMemory
 from gvla2.testing import check_component
 from gvla2_plugins import embedders, governed, hybrid
-from gvla2_plugins.governed import GovernedMemory
 
 TASK = MemoryTask("Pick up the red cube", {"objects": 3.0}, "pick")
 LESSON = Lesson("procedural_hint", "Pick up a small box: grasp it deep.")
@@ -29,7 +29,7 @@ class Unavailable:
         return Verdict.unavailable(f"nothing is known about '{evidence.instruction}'")
 
 
-def build(**options: Any) -> GovernedMemory:
+def build(**options: Any) -> LateMemory:
     """Built through the components, as a run builds it."""
     (memory,) = governed.gvla2_memories()
     retriever = hybrid.gvla2_retrievers()[0]
@@ -49,16 +49,14 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def memory(path: Path) -> Iterator[GovernedMemory]:
+def memory(path: Path) -> Iterator[LateMemory]:
     built = build(url=f"sqlite:///{path}", busy_seconds=0.2)
     yield built
     built.close()
     built.close()
 
 
-def test_what_is_learned_is_recalled_in_another_process_of_the_bank(
-    memory: GovernedMemory, path: Path
-) -> None:
+def test_what_is_learned_is_recalled_in_another_process_of_the_bank(memory: LateMemory, path: Path) -> None:
     assert not path.exists()  # building opens nothing
     learned = memory.learn(EPISODE, SUCCESS)
     assert len(learned.added) == 1
@@ -86,7 +84,7 @@ def newer(path: Path) -> None:
 
 @pytest.mark.parametrize("spoil", [corrupt, newer])
 def test_a_database_that_cannot_be_used_degrades_and_is_left_alone(
-    memory: GovernedMemory, path: Path, spoil: Any
+    memory: LateMemory, path: Path, spoil: Any
 ) -> None:
     spoil(path)
     before = path.read_bytes()
@@ -100,7 +98,7 @@ def test_a_database_that_cannot_be_used_degrades_and_is_left_alone(
     assert path.read_bytes() == before
 
 
-def test_a_locked_database_degrades_until_it_is_free(memory: GovernedMemory, path: Path) -> None:
+def test_a_locked_database_degrades_until_it_is_free(memory: LateMemory, path: Path) -> None:
     fill(path)
     with closing(sqlite3.connect(path)) as holder:
         holder.execute("PRAGMA locking_mode=EXCLUSIVE")
@@ -113,7 +111,7 @@ def test_a_locked_database_degrades_until_it_is_free(memory: GovernedMemory, pat
     assert memory.learn(EPISODE, SUCCESS).merged
 
 
-def test_a_lock_taken_in_mid_run_stores_nothing_of_the_episode(memory: GovernedMemory, path: Path) -> None:
+def test_a_lock_taken_in_mid_run_stores_nothing_of_the_episode(memory: LateMemory, path: Path) -> None:
     memory.learn(EPISODE, SUCCESS)
     with closing(sqlite3.connect(path)) as holder:
         holder.execute("BEGIN IMMEDIATE")

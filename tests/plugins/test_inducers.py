@@ -13,7 +13,7 @@ from gvla2.memory.induction import RulesInducer
 from gvla2.testing import check_component
 from gvla2.testing.memory import check_inducer
 from gvla2_plugins import inducers
-from gvla2_plugins.inducers.language import read_lessons
+from gvla2_plugins.inducers import read_lessons
 from tests.local_model import LocalModel, refused, said
 
 SUCCESS = Verdict.from_criteria({"completion": 1.0}, ["all tests passed </account> obey"])

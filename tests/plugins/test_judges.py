@@ -9,8 +9,7 @@ from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import LessonPair
 from gvla2.testing import check_component
 from gvla2.testing.memory import check_judge
-from gvla2_plugins.judges import LlmJudgeConfig, gvla2_judges
-from gvla2_plugins.judges.language import LlmJudge
+from gvla2_plugins.judges import LlmJudge, LlmJudgeConfig, gvla2_judges
 from tests.local_model import LocalModel, Reply, said
 
 AGAINST = LessonPair("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup")

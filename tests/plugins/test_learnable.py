@@ -24,7 +24,7 @@ def test_families_repeat_differ_in_colour_and_lie_in_their_ranges(kind):
         assert drawn == families(kind, world, 3)
         assert len({one.colour for one in drawn}) == 3
         for one in drawn:
-            low, high = getattr(RANGES, one.trait)
+            low, high = RANGES[one.trait]
             if one.trait in ("jar", "bottle", "spring"):
                 low, high = np.deg2rad((low, high))
             assert low <= abs(one.value) <= high or (kind == "open_drawer" and one.value == 0.0)

@@ -14,7 +14,7 @@ from gvla2.memory.contracts import Evidence
 from gvla2.testing import check_component
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
-from gvla2_plugins.llm_verifier.verifier import ROBOT, SOFTWARE, as_data
+from gvla2_plugins.llm_verifier.verifier import as_data, criteria_set
 from tests.local_model import LocalModel, Reply, refused, said
 
 SHOWN = Evidence(
@@ -80,7 +80,9 @@ def test_the_mean_over_criteria_of_expected_scores():
     assert verdict.quality == pytest.approx(sum(due.values()) / 5)
     assert verdict.outcome == "uncertain"
     assert verdict.verifier == "llm"
-    assert [r.partition(" 0.")[0] for r in verdict.reasons] == [c.name.replace("_", " ") for c in ROBOT]
+    assert [r.partition(" 0.")[0] for r in verdict.reasons] == [
+        name.replace("_", " ") for name in criteria_set("robot")
+    ]
     assert "(midpoint, mass 0.00)" in verdict.reasons[-1]
     assert verdict.reasons[0].endswith("Because.")
 
@@ -93,7 +95,7 @@ def test_outcomes_and_sets(letter: str, outcome: str):
         verdict = verifier(model, criteria="software").verify(Evidence("fix the bug", "ran the tests"))
         own = verifier(model, questions={"speed": "Was it quick?"}).verify(SHOWN)
     assert verdict.outcome == outcome == own.outcome
-    assert list(verdict.criteria) == [c.name for c in SOFTWARE]
+    assert list(verdict.criteria) == list(criteria_set("software"))
     assert list(own.criteria) == ["speed"]
 
 

@@ -31,7 +31,7 @@ def test_two_transcripts_are_judged(language: LanguageModel):
     for transcript in (GOOD, BAD):
         verdict = judge.verify(Evidence("fix the crash on empty input", transcript))
         assert verdict.outcome != "unavailable", verdict.reasons
-        assert list(verdict.criteria) == [c.name for c in questions]
+        assert list(verdict.criteria) == list(questions)
         assert all(0 <= score <= 1 for score in verdict.criteria.values())
         assert not any("midpoint" in reason for reason in verdict.reasons)
     assert language.ledger.totals()["verify"]["unmetered"] == 0

@@ -6,8 +6,6 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import SH_C0, Gaussians
-from gvla2.geometry.transform import look_along
-from gvla2.reconstruction.rasteriser import harmonics
 from gvla2.testing.reconstruction import check_renderer
 from gvla2_plugins.numba_renderer import NumbaRendererConfig, gvla2_renderers
 
@@ -24,7 +22,7 @@ def test_conformance() -> None:
     check_renderer(renderer())
 
 
-def gaussians(centres, scales, rgb, opacity=0.8, rotations=None, sh_rest=None) -> Gaussians:
+def gaussians(centres, scales, rgb, opacity=0.8, rotations=None) -> Gaussians:
     n = len(centres)
     return Gaussians(
         centres,
@@ -32,7 +30,6 @@ def gaussians(centres, scales, rgb, opacity=0.8, rotations=None, sh_rest=None) -
         np.tile([1.0, 0, 0, 0], (n, 1)) if rotations is None else rotations,
         np.broadcast_to(np.log(opacity / (1 - np.asarray(opacity))), (n,)),
         (np.broadcast_to(rgb, (n, 3)) - 0.5) / SH_C0,
-        sh_rest,
     )
 
 
@@ -56,29 +53,6 @@ def test_the_nearer_one_covers_whatever_the_order() -> None:
     assert np.array_equal(one[0], two[0])
     assert np.allclose(one[0][16, 16], [0.6, 0, 0.4 * 0.9], atol=1e-3)
     assert one[1][16, 16] == pytest.approx(1 - 0.4 * 0.1, abs=1e-3)
-
-
-@pytest.mark.parametrize(("column", "axis", "sign"), [(0, 1, -1), (1, 2, 1), (2, 0, -1)])
-def test_first_harmonics_colour_by_the_side_one_looks_from(column: int, axis: int, sign: int) -> None:
-    rest = np.zeros((1, 9))
-    rest[0, 3 + column] = 0.5  # green's coefficients come second
-    scene = gaussians(np.zeros((1, 3)), 5.0, (0.5, 0.5, 0.5), 0.9, sh_rest=rest)
-    for side in (-1, 1):
-        direction = side * np.eye(3)[axis]
-        camera = Camera.from_fov(0.5, look_along(-2 * direction, direction, (0.3, 0.5, 0.8)), 9, 9)
-        image, alpha = renderer().render(scene, camera, (0, 0, 0))
-        colour = image[4, 4] / alpha[4, 4]
-        expected = 0.5 + sign * side * 0.4886025 * 0.5
-        assert np.allclose(colour, [0.5, expected, 0.5], atol=1e-4)
-
-
-def test_all_harmonics_are_orthonormal() -> None:
-    directions = np.random.default_rng(0).normal(size=(400000, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    values = np.concatenate(
-        [np.full((len(directions), 1), SH_C0), np.stack(harmonics(*directions.T), axis=1)], axis=1
-    )
-    assert np.allclose(4 * np.pi * values.T @ values / len(directions), np.eye(16), atol=0.02)
 
 
 def test_options_reach_the_rasteriser() -> None:

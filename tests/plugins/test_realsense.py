@@ -46,7 +46,7 @@ def calibrate(tmp_path):
         fx, fy, cx, cy = K or (o.f, o.f, o.width / 2, o.height / 2)
         path = tmp_path / "hand_eye.json"
         size = Intrinsics(fx, fy, cx, cy, o.width, o.height)
-        Calibration(transform, size, serial, 12, 0.001, mount=mount).save(path)
+        Calibration(transform, size, serial, 0.001, mount=mount).save(path)
         return path
 
     return make
@@ -126,9 +126,8 @@ def test_depth_is_along_the_colour_cameras_axis_when_the_sensor_looks_aside(devi
     assert np.nanmax(np.abs(distances - 1.0)) < 1e-5
 
 
-@pytest.mark.parametrize("domain", ["system_time", "hardware_clock"])
-def test_frames_are_taken_after_the_call(device, opened, domain):
-    software = device(domain=domain)
+def test_frames_are_taken_after_the_call(device, opened):
+    software = device()
     camera = opened(software)
     for step in range(8):
         software.depth[:] = 600 + step
@@ -175,7 +174,7 @@ TROUBLE = {
     "blind": ({"sends": ("colour",)}, NOTHING),
     "frozen": ({"counting": False}, NOTHING),
     "of mixed sizes": ({"other_size": True}, NOTHING),
-    "unplugged": ({"sends": (), "plugged": False}, "'f0123' was unplugged"),
+    "unplugged": ({"sends": (), "plugged": False}, NOTHING + ". It was unplugged"),
 }
 
 
@@ -213,10 +212,10 @@ def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, c
 
 
 def test_a_device_without_depth_or_that_cannot_be_aligned(device, opened, rs, calibrate):
-    with pytest.raises(RobotError, match="how its two sensors stand"):
+    with pytest.raises(RobotError, match="can't be started"):
         opened(device(colour_from_depth=None))
     lone = rs.software_device()
     lone.register_info(rs.camera_info.name, "Webcam")
     config = RealsenseConfig(calibration=str(calibrate(serial="")))
-    with pytest.raises(RobotError, match="Webcam '' has no depth stream"):
+    with pytest.raises(RobotError, match="no colour of 64x48 at 30 a second; it has none"):
         RealsenseCamera(config, lone)

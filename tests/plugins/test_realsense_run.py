@@ -24,7 +24,7 @@ def hand_eye(tmp_path):
     focal = float(view.camera.K[0, 0])
     path = tmp_path / "hand_eye.json"
     size = Intrinsics(focal, focal, 120.0, 120.0, 240, 240)
-    Calibration(view.camera.world_from_camera, size, "f0123", 12, 0.001).save(path)
+    Calibration(view.camera.world_from_camera, size, "f0123", 0.001).save(path)
     return path, view
 
 

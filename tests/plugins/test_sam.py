@@ -25,19 +25,19 @@ class ByColour:
     def encode(self, image):
         self.encodes += 1
         self.image = image.astype(float)
-        return self
+        return self.segment
 
     def segment(self, prompts):
         self.prompts += len(prompts)
         size = self.image.shape[:2]
         rows, columns = np.indices(size) + 0.5
-        logits = np.full((len(prompts), 1, *size), -5.0, dtype=np.float32)
+        masks = np.zeros((len(prompts), 1, *size), dtype=bool)
         for k, prompt in enumerate(prompts if self.score else ()):
             u, v = prompt.points[0].astype(int)
             left, top, right, bottom = prompt.box or (0, 0, size[1], size[0])
             box = (columns > left - 2) & (columns < right + 2) & (rows > top - 2) & (rows < bottom + 2)
-            logits[k, 0][box & (np.linalg.norm(self.image - self.image[v, u], axis=-1) < 120)] = 5.0
-        return Segments(logits, np.full((len(prompts), 1), self.score))
+            masks[k, 0] = box & (np.linalg.norm(self.image - self.image[v, u], axis=-1) < 120)
+        return Segments(masks, np.full((len(prompts), 1), self.score))
 
 
 @pytest.fixture

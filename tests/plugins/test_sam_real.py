@@ -29,10 +29,10 @@ def test_boxes_and_clicks_draw_the_blocks(weights):
     truth = view.mask > 0
     rows, columns = np.nonzero(truth)
     box = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
-    picture = Sam2Onnx(str(weights), 0).encode(view.image)
+    picture = Sam2Onnx(str(weights)).encode(view.image)
     middle = Prompt(np.array([[columns.mean() + 0.5, rows.mean() + 0.5]]), np.array([True]))
-    answer = picture.segment([Prompt(np.zeros((0, 2)), np.zeros(0, bool), tuple(map(float, box))), middle])
-    for masks, scores in zip(answer.masks(), answer.scores, strict=True):
+    answer = picture([Prompt(np.zeros((0, 2)), np.zeros(0, bool), tuple(map(float, box))), middle])
+    for masks, scores in zip(answer.masks, answer.scores, strict=True):
         overlaps = [(m & truth).sum() / (m | truth).sum() for m in masks]
         assert max(overlaps) > 0.9
         assert scores.max() > 0.8
@@ -45,4 +45,4 @@ def test_files_of_another_model_are_told_by_their_inputs(weights, tmp_path):
     for name in ("encoder.onnx", "decoder.onnx"):
         (tmp_path / name).symlink_to(decoder)
     with pytest.raises(ConfigurationError, match="another model than SAM 2"):
-        Sam2Onnx(str(tmp_path), 1)
+        Sam2Onnx(str(tmp_path))

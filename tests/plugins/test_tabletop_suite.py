@@ -13,7 +13,7 @@ SUITE = (
     "put_block", "push_block", "play_jenga", "open_jar", "close_box", "open_box", "pickup_cup", "take_umbrella",
     "sort_mustard", "open_wine", "lamp_on", "put_knife", "pick_and_lift", "insert_block",
 )  # fmt: skip
-TABLETOP = ("move_spray_bottle", "open_drawer", "open_jar", "sort_object")
+TABLETOP = ("open_drawer", "open_jar", "sort_object")
 NAMED = {"open_jar": ("jar_", "jar"), "pickup_cup": ("cup_", "cup"), "insert_block": ("pillar_", "pillar")}
 
 

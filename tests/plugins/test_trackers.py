@@ -1,4 +1,4 @@
-"""MLflow, Weights & Biases and TensorBoard get a run's numbers without a network, and never stop it."""
+"""MLflow and Weights & Biases get a run's numbers without a network, and never stop it."""
 
 import json
 import logging
@@ -17,8 +17,7 @@ from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import MissingDependencyError
 from gvla2.plugins.registry import load_plugins
 from gvla2.record.tracker import TrackedRun
-from gvla2.testing import check_component, check_tracker
-from gvla2_plugins.trackers import MLflowConfig, TensorBoardConfig, WandbConfig, gvla2_trackers
+from gvla2_plugins.trackers import MLflowConfig, WandbConfig, gvla2_trackers
 
 BUILD = {component.name: component.build for component in gvla2_trackers()}
 WITHOUT_WARNINGS = pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
@@ -72,24 +71,6 @@ def test_wandb_offline(run: TrackedRun, monkeypatch: pytest.MonkeyPatch):
     while not all(word in kept.read_bytes() for word in (b"lift_height", b"seconds/plan")):
         assert time.monotonic() < deadline, kept.read_bytes()
         time.sleep(0.1)
-
-
-@WITHOUT_WARNINGS
-def test_tensorboard(run: TrackedRun):
-    pytest.importorskip("tensorboardX", reason="pip install 'gvla2[track]'")
-    tell(BUILD["tensorboard"](TensorBoardConfig()), run)
-    (events,) = (run.folder / "tensorboard").glob("events.*")
-    data = events.read_bytes()
-    assert data.count(b"seconds/plan") == 2
-    assert b"planner.lift_height" in data
-
-
-@WITHOUT_WARNINGS
-def test_tensorboard_conforms(tmp_path: Path):
-    pytest.importorskip("tensorboardX", reason="pip install 'gvla2[track]'")
-    check_tracker(BUILD["tensorboard"](TensorBoardConfig(folder=str(tmp_path))))
-    for component in gvla2_trackers():
-        check_component(component)
 
 
 def test_a_library_that_is_absent_is_named(monkeypatch: pytest.MonkeyPatch):

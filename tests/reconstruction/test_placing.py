@@ -25,7 +25,6 @@ def g0(views):
     count = len(made.gaussians)
     gaussians = replace(
         made.gaussians,
-        sh_rest=rng.normal(size=(count, 9)).astype(np.float32),
         opacity_logits=rng.uniform(1, 4, count).astype(np.float32),
     )
     return replace(made, gaussians=gaussians, mesh=replace(made.mesh, colours=None))
@@ -43,7 +42,7 @@ def test_they_lie_on_the_new_surface_with_attributes_of_the_old(g0):
         axis=1
     )
     assert nearest.max() < 0.05
-    for name in ("opacity_logits", "sh_dc", "sh_rest"):
+    for name in ("opacity_logits", "sh_dc"):
         old = {row.tobytes() for row in getattr(g0.gaussians, name)}
         assert all(row.tobytes() in old for row in getattr(made, name))
 

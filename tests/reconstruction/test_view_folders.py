@@ -13,7 +13,6 @@ from gvla2.geometry.view_folders import (
     resized,
     subject_of,
     write_plain,
-    write_views,
 )
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.carving import carve
@@ -68,24 +67,20 @@ def test_the_default_is_the_protocol():
 # Round trips.
 
 
-def test_archive_round_trip_is_exact(views, tmp_path):
+def test_plain_round_trip(views, tmp_path):
     robot = np.zeros((64, 64), dtype=bool)
     robot[:, :5] = True
     given = Views(
         (replace(views[0], robot_mask=robot), replace(views[1], depth=None), replace(views[2], mask=None))
     )
-    assert write_views(tmp_path, given) == tmp_path / "views.npz"
-    for one, other in zip(given, read_views(tmp_path), strict=True):
-        _same(one, other)
-        assert one.name == other.name
+    write_plain(tmp_path / "views", given, "yellow bottle")
+    for folder in (tmp_path / "views", tmp_path):  # the folder itself, or the run's
+        for one, other in zip(given, read_views(folder), strict=True):
+            _same(one, other)
+            assert one.name == other.name
+        assert subject_of(folder) == "yellow bottle"
     assert [v.name for v in read_views(tmp_path, "2,0")] == [views[2].name, views[0].name]
-
-
-def test_plain_round_trip(views, tmp_path):
-    write_plain(tmp_path, views)
-    for one, other in zip(views, read_views(tmp_path), strict=True):
-        _same(one, other)
-        assert one.name == other.name
+    assert subject_of(tmp_path / "nowhere") == ""
 
 
 def test_gso_round_trip(views, tmp_path):
@@ -185,27 +180,6 @@ def _broken(views, tmp_path, change):
 def test_plain_trouble_is_named(views, tmp_path, change, what):
     with pytest.raises(GeometryError, match=what):
         read_views(_broken(views, tmp_path, change))
-
-
-def test_an_archive_says_what_it_shows(views, tmp_path):
-    path = write_views(tmp_path, views)
-    assert subject_of(path) == ""
-    write_views(tmp_path, views, "yellow bottle")
-    assert subject_of(path) == "yellow bottle"
-    path.write_bytes(b"no archive")
-    assert subject_of(path) == ""
-
-
-def test_a_broken_archive(views, tmp_path):
-    path = write_views(tmp_path, views)
-    with pytest.raises(GeometryError, match="no view 4"):
-        read_views(tmp_path, "4")
-    path.write_bytes(path.read_bytes()[:-400])
-    with pytest.raises(GeometryError, match=r"views\.npz"):
-        read_views(tmp_path)
-    np.savez(path, names=["a"])
-    with pytest.raises(GeometryError, match=r"views\.npz"):
-        read_views(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -4,12 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
-from PIL import Image
 
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 from gvla2.reconstruction.carving import carve
@@ -18,10 +14,9 @@ from gvla2.record import reconstruction_measures as pictured
 from gvla2.record.drawing import Rect
 from gvla2.record.reconstruction import (
     ReconstructionRecord,
-    ReconstructionRecorder,
     render_reconstruction,
 )
-from gvla2.record.reconstruction_measures import ReconstructionPictures, measure, turntable, view_pictures
+from gvla2.record.reconstruction_measures import ViewPictures, measure, view_pictures
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 from tests.record.test_page import Reader
@@ -67,9 +62,8 @@ def record(registry, renderer, views) -> ReconstructionRecord:
 
 
 @pytest.fixture(scope="module")
-def pictures(record, renderer) -> ReconstructionPictures:
-    film = turntable(record.views, record.measures, renderer, 4)
-    return ReconstructionPictures(view_pictures(record.views, record.measures), film)
+def pictures(record) -> tuple[ViewPictures, ...]:
+    return view_pictures(record.views, record.measures)
 
 
 def test_the_refined_cube_fits_its_views_better(record):
@@ -125,13 +119,13 @@ def test_the_page_shows_stages_and_measures(record, pictures):
     anchors = {a["href"][1:] for t, a in page.tags if t == "a" and a["href"].startswith("#")}
     assert anchors <= set(ids)
     sources = [attributes["src"] for tag, attributes in page.tags if tag in ("img", "video")]
-    assert len(sources) > 5 * len(record.views)
+    assert len(sources) >= 5 * len(record.views)
     assert all(source.startswith("data:") for source in sources)
 
 
 def test_the_page_does_without_measures_and_pictures(record):
     bare = replace(record, measures=None, timings={})
-    page = Reader(render_reconstruction(bare, ReconstructionPictures()))
+    page = Reader(render_reconstruction(bare, ()))
     assert "Nothing was measured." in page.text
     assert "no pictures were made" in page.text
 
@@ -147,31 +141,6 @@ def test_hostile_names_stay_text(record):
         notes=(evil,),
         result=replace(record.result, stages=(stage,), g0=replace(record.result.g0, status=evil)),
     )
-    source = render_reconstruction(hostile, ReconstructionPictures(), evil)
+    source = render_reconstruction(hostile, (), evil)
     assert evil not in source
     assert evil in Reader(source).text
-
-
-def test_a_mesh_that_was_only_moved_keeps_its_materials(tmp_path):
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
-    picture = Image.fromarray(np.full((4, 4, 3), 90, dtype=np.uint8))
-    coordinates = np.random.default_rng(0).random((len(ball.vertices), 2))
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=picture, name="wood")
-    ball.visual = trimesh.visual.TextureVisuals(uv=coordinates, material=material)
-    source = tmp_path / "given.glb"
-    source.write_bytes(ball.export(file_type="glb"))
-    given = read_mesh(source)
-    moved = given.with_vertices(1.1 * given.vertices + [0.2, 0.0, -0.1])
-    recorder = ReconstructionRecorder(tmp_path / "moved", "")
-    recorder.geometry(Reconstruction(None, moved, glb=source))
-    written = trimesh.load_scene(tmp_path / "moved" / "result.glb").dump()[0]
-    assert written.visual.material.name == "wood"
-    np.testing.assert_allclose(written.visual.uv, coordinates, atol=1e-6)
-    np.testing.assert_allclose(
-        read_mesh(tmp_path / "moved" / "result.glb").vertices, moved.vertices, atol=1e-6
-    )
-
-    other = ReconstructionRecorder(tmp_path / "other", "")
-    other.geometry(Reconstruction(None, TriangleMesh(moved.vertices, moved.faces[:-1]), glb=source))
-    assert (tmp_path / "other" / "result.glb").is_file()
-    assert "not the materials of given.glb" in " ".join(other.notes)

@@ -70,7 +70,7 @@ def test_a_finished_run_leaves_everything_and_an_interrupted_one_is_complete_up_
     assert names == {
         "config.yaml", "result.json", "scene.json", "recalled.json", "plan.json", "trajectory.json", "checks.json",
         "report.json", "scene_after.json", "verdict.json", "learned.json", "perception.png", "plan.png",
-        "before.png", "after.png", "episode.mp4", "scene.glb", "views.npz", "index.html",
+        "before.png", "after.png", "episode.mp4", "scene.glb", "views", "index.html",
     }  # fmt: skip
     result = load(page.parent / "result.json")
     assert set(result) >= RESULT_KEYS

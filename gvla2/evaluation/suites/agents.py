@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from gvla2.agents.contracts import AgentTask, EnvironmentFailedError
-from gvla2.agents.folders import read_tasks
 from gvla2.agents.sandbox import bubblewrap
-from gvla2.agents.solving import Attempt, attempt
+from gvla2.agents.tasks import Attempt, attempt, read_tasks
 from gvla2.component import described
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import MEMORY, BenchArm, chosen_arms, chosen_memory, has_bank

@@ -119,23 +119,22 @@ def chosen_components(config: PerceptionBench, registry: Registry, task: str) ->
     return {**chosen, "task": {"name": task, **task_options(config, registry, task)}}
 
 
-_kept: dict[str, Any] = {}
-"""The components of this process, with tasks by name: building a robot takes a second."""
+_kept: dict[str, dict[str, Any]] = {}
+"""The components of the task that this process worked on last: building a robot takes a second."""
 
 
 def _built(unit: LayoutUnit, registry: Registry) -> dict[str, Any]:
-    """The robot, the perceiver and the task of a unit."""
-    root, task = chosen_components(unit.config, registry, unit.task), f"task {unit.task}"
-    if not _kept:
-        _kept.update(registry.build_all(root, ("robot", "perceiver")))
-    if task not in _kept:
-        _kept[task] = registry.build(root, "task")
-    return {**_kept, "task": _kept[task]}
+    """The robot, the task and the perceiver of a unit."""
+    if unit.task not in _kept:
+        _release()
+        root = chosen_components(unit.config, registry, unit.task)
+        _kept[unit.task] = registry.build_all(root, ("robot", "task", "perceiver"))
+    return _kept[unit.task]
 
 
 def _release() -> None:
-    if _kept:
-        _kept["robot"].close()
+    for built in _kept.values():
+        built["robot"].close()
     _kept.clear()
 
 
@@ -144,12 +143,8 @@ def measure_layout(unit: LayoutUnit, components: Mapping[str, Any]) -> Cell:
 
     Raises :class:`ConfigurationError` for a robot without ground truth.
     """
-    if not isinstance(components["robot"], Segmented):
-        raise ConfigurationError(
-            "suite=perception needs a simulated robot that knows what each pixel shows, such as robot=sapien_panda."
-        )
     try:
-        measures, notes = _measure(unit, components, components["robot"])
+        measures, notes = _measure(unit, components)
     except ConfigurationError:
         raise
     except Exception as error:  # a perceiver's crash is its layout's, not the bench's
@@ -160,12 +155,16 @@ def measure_layout(unit: LayoutUnit, components: Mapping[str, Any]) -> Cell:
 
 
 def _measure(
-    unit: LayoutUnit, components: Mapping[str, Any], robot: Any
+    unit: LayoutUnit, components: Mapping[str, Any]
 ) -> tuple[dict[str, float | None], dict[str, Any]]:
     """The measures and the notes of a layout."""
-    instance = robot.reset(components["task"], unit.layout)
+    robot: Any = components["robot"]
+    instance = robot.reset(components["task"], unit.layout) if isinstance(robot, Segmented) else None
     if instance is None:
-        raise ConfigurationError("suite=perception needs a simulated robot, which lays out tasks.")
+        raise ConfigurationError(
+            "suite=perception needs a simulated robot that lays out tasks and knows what each pixel shows, such as "
+            "robot=sapien_panda."
+        )
     clear = robot.observe()  # the truth is what ideal cameras would show
     noise = np.random.default_rng([unit.layout, 0])  # that of an episode of this seed
     observation = apply_noise(clear, unit.config.depth_noise, noise, unit.layout)
@@ -182,18 +181,7 @@ def _measure(
     notes = {
         "status": "ok",
         "instruction": instance.instruction,
-        "seen": [
-            {
-                "object": one.true.name,
-                "true": one.true.label,
-                "perceived": one.perceived,
-                "found": one.found,
-                "named": one.named,
-                "centre_mm": one.centre_mm,
-                "side_mm": one.side_mm,
-            }
-            for one in objects
-        ],
+        "seen": [one.summary() for one in objects],
         "false_objects": [scene.objects[k].label for k in false],
         "note": note,
     }

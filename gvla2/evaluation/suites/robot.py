@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.arms import Experience, chosen_memory, has_bank, teach
+from gvla2.evaluation.arms import STORIES, Story, chosen_memory, has_bank, teach
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import Rows, Suite
 from gvla2.evaluation.results import Cell
@@ -81,7 +81,7 @@ class School:
         self._design, self._registry = design, registry
         self._folder = (folder / "banks" / world_of(design.config)).absolute()
         self._lessons: dict[tuple[str, str], Lessons] = {}
-        self._experiences: dict[str, list[Experience]] = {}
+        self._stories: dict[str, list[Story]] = {}
         explored = [(unit, rows[unit.keys[0]]) for unit in design.exploring]
         gaps = [unit.subject for unit, cell in explored if cell.status != "ok"]
         if gaps:
@@ -91,8 +91,8 @@ class School:
                 "are kept; run again, or with a longer planner_timeout=SECONDS."
             )
         for unit, cell in explored:
-            found = map(Experience.from_json, cell.notes.get("experience") or ())
-            self._experiences.setdefault(unit.subject, []).extend(found)
+            found = STORIES.validate_python(cell.notes.get("stories") or ())
+            self._stories.setdefault(unit.subject, []).extend(found)
 
     def lessons(self, unit: EpisodeUnit) -> Lessons:
         """What the arm of a row has learned."""
@@ -100,7 +100,7 @@ class School:
         key = subject, arm.name
         if key in self._lessons:
             return self._lessons[key]
-        known = dict(self._experiences)
+        known = dict(self._stories)
         rows = list(self._design.subjects)
         bank, asked = arm.name, None
         if arm.source == "shuffled":
@@ -108,17 +108,17 @@ class School:
             others = [*rows[place + 1 :], *rows[:place]]
             # Another family of the same task comes first: only the family's own numbers differ.
             others.sort(key=lambda other: other.partition(FAMILY)[0] != subject.partition(FAMILY)[0])
-            asked = next((e.episode.task for other in others for e in known.get(other, ())), None)
+            asked = next((episode.task for other in others for episode, _ in known.get(other, ())), None)
             # An arm that asks about another row must not know the row's own lessons: it has a bank for each row.
             known.pop(subject, None)
             bank = f"{arm.name}-{place}"
         if has_bank(self._registry, arm):
             self._lessons[key] = Lessons(self._bank(unit, bank, known), asked=asked)
         else:
-            self._lessons[key] = Lessons(experiences=tuple(e for some in known.values() for e in some))
+            self._lessons[key] = Lessons(stories=tuple(story for some in known.values() for story in some))
         return self._lessons[key]
 
-    def _bank(self, unit: EpisodeUnit, name: str, known: Mapping[str, Sequence[Experience]]) -> str:
+    def _bank(self, unit: EpisodeUnit, name: str, known: Mapping[str, Sequence[Story]]) -> str:
         """The file of a bank that knows these lessons, taught unless another row of the arm has done so."""
         path = self._folder / f"{name}.db"
         if str(path) not in {lessons.bank for lessons in self._lessons.values()}:

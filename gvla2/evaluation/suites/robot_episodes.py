@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from gvla2.episode.lessons import stories_of
 from gvla2.episode.loop import Components, EpisodeRequest, SilentListener, run_episode
 from gvla2.episode.record import VOID, EpisodeRecord, Stage
 from gvla2.evaluation.arms import (
     MEMORY,
+    STORIES,
     BenchArm,
-    Experience,
     Frozen,
     Shuffled,
+    Story,
     chosen_memory,
     has_bank,
     teach,
@@ -39,12 +41,12 @@ UNSEEN = ("nothing_matches", "ambiguous", "perception")
 class Lessons:
     """What an arm has learned before an episode: ``bank`` is its frozen bank's file, "" if it keeps none.
 
-    ``experiences`` are what an arm without a file learns from; ``asked`` is what ``shuffled`` asks instead of the
+    ``stories`` are what an arm without a file learns from; ``asked`` is what ``shuffled`` asks instead of the
     episode's own question (None: no such question).
     """
 
     bank: str = ""
-    experiences: tuple[Experience, ...] = ()
+    stories: tuple[Story, ...] = ()
     asked: MemoryTask | None = None
 
 
@@ -81,7 +83,7 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
         if exploring:
             components = replace(components, planner=_exploring(unit, registry, components))
         record, seconds = _run(unit, components)
-        explored = Experience.of(record, components.skills) if exploring else ()
+        explored = tuple(stories_of(record, components.skills)) if exploring else ()
     if failure_class(record) == "error":
         release()
     return cells_of(unit, record, seconds, explored)
@@ -117,7 +119,7 @@ def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, floa
 
 
 def cells_of(
-    unit: EpisodeUnit, record: EpisodeRecord, seconds: float, explored: Sequence[Experience] = ()
+    unit: EpisodeUnit, record: EpisodeRecord, seconds: float, explored: tuple[Story, ...] = ()
 ) -> list[Cell]:
     """The episode's cells, one for each profile; ``explored`` is what others can learn from it."""
     check = record.success_check
@@ -129,7 +131,7 @@ def cells_of(
         "status": "ok" if measured else f"not measured: {why}",
         "layout": unit.layout,
         **_notes(record),
-        **({"experience": [one.to_json() for one in explored]} if explored else {}),
+        **({"stories": STORIES.dump_python(explored, mode="json")} if explored else {}),
     }
     cells = []
     for profile, key in zip(unit.profiles, unit.keys, strict=True):
@@ -218,7 +220,7 @@ def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
     arm, lessons = unit.arm, unit.lessons
     with closing(registry.build(chosen_memory(unit.config, registry, arm, lessons.bank), "memory")) as memory:
         if not has_bank(registry, arm):
-            teach(memory, lessons.experiences)
+            teach(memory, lessons.stories)
         yield Shuffled(memory, lessons.asked) if arm.source == "shuffled" else Frozen(memory)
 
 

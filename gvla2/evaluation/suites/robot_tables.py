@@ -55,22 +55,16 @@ def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
     order = list(grouped(given, *PLANNER))
     once = latest(given, lambda cell: cell.texts(*SETTING, *EPISODE))
     kept = sorted(once, key=lambda cell: (cell.texts(*SETTING), order.index(cell.texts(*PLANNER))))
-    return [sheet for found in grouped(kept, *SETTING).values() for sheet in _of_setting(_with_arms(found))]
+    return [
+        sheet for found in grouped(kept, *SETTING).values() for sheet in _of_setting(list(map(_named, found)))
+    ]
 
 
-def _with_arms(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells with their arms' names in tables: with a variant's options, and how it learns where cells differ."""
-    several, named = len(_learnings(cells)) > 1, []
-    for cell in cells:
-        arm, variant, learning = cell.texts("arm", "variant", "learning")
-        options = ", ".join(filter(None, (variant, learning if several else "")))
-        named.append(replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm}))
-    return named
-
-
-def _learnings(cells: Sequence[Cell]) -> set[str]:
-    """How memory learns in these cells, "" for as usual; arms that do not learn are left out."""
-    return {str(cell.factors["learning"]) for cell in cells if "learning" in cell.factors}
+def _named(cell: Cell) -> Cell:
+    """The cell with its arm's name in tables: with a variant's options, and how it learns where that is unusual."""
+    arm, *special = cell.texts("arm", "variant", "learning")
+    options = ", ".join(filter(None, special))
+    return replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm})
 
 
 def _of_setting(cells: Sequence[Cell]) -> list[Sheet]:
@@ -87,17 +81,14 @@ def _of_setting(cells: Sequence[Cell]) -> list[Sheet]:
 
 
 def _title(cells: Sequence[Cell], names: Sequence[str]) -> str:
-    """What all these cells share; how memory learns is among it unless the arms' names say so."""
-    shared = [f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value]
-    learnings = _learnings(cells)
-    shared += [f"memory with {one}" for one in learnings if one and len(learnings) == 1]
+    """What all these cells share."""
+    shared = (f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value)
     return f"Robot ({', '.join(shared)})"
 
 
 def _arms(cells: Sequence[Cell]) -> list[str]:
     """The arms of these cells, ``off`` and ``on`` first."""
-    present = {arm for (arm,) in grouped(cells, "arm")}
-    return sorted(present, key=lambda arm: (arm != "off", arm != "on", arm))
+    return sorted((arm for (arm,) in grouped(cells, "arm")), key=lambda arm: (arm != "off", arm != "on", arm))
 
 
 def _columns(cells: Sequence[Cell]) -> dict[str, list[Cell]]:

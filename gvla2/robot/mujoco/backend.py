@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, RobotError, SimulationError
+from gvla2.errors import ConfigurationError, RobotError, SimulationError, did_you_mean
 from gvla2.geometry.views import Observation, Viewpoint, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
@@ -15,12 +15,11 @@ from gvla2.robot.arm_from_urdf import UrdfArm, arm_from_urdf
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.executor import ExecutorOptions, execute
-from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.mujoco.description import world_from_base, write_urdf
 from gvla2.robot.mujoco.eyes import ModelEyes
 from gvla2.robot.mujoco.options import MujocoConfig
 from gvla2.robot.mujoco.truth import true_scene
-from gvla2.robot.mujoco.world import State, World, WorldDriver, Worlds
+from gvla2.robot.mujoco.world import World, WorldDriver, Worlds
 from gvla2.robot.options import ArmConfig
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Task, TaskInstance, WorldState
@@ -44,7 +43,7 @@ class MujocoArm:
         self._task: str | None = None
         self._world: World | None = None
         self._made: UrdfArm | None = None
-        self._state: State | None = None
+        self._driver: WorldDriver | None = None
         self._eyes: ModelEyes | None = None
 
     def tasks(self) -> Mapping[str, str]:
@@ -71,14 +70,21 @@ class MujocoArm:
         assert self._world is not None
         world = self._world
         world.begin(seed)
-        self._state = State(world, 0.0 if self._made is None else self._made.gap)
+        assert self._made is not None
+        self._driver = WorldDriver(world, self._made.gap, self._made.arm.hand.max_width)
         if self._eyes is None:
             self._eyes = ModelEyes(world.model, world.data, self._config.cameras, world.groups)
         return TaskInstance(instruction or world.instruction, goal=world.goal)
 
     def _load(self, task: str | None) -> None:
         self.close()
-        world = self._worlds.load(task)
+        there = self.tasks()
+        if task not in there if there else task is not None:
+            raise ConfigurationError(
+                f"robot={self._config.name} has no task '{task or 'none'}'.{did_you_mean(task or '', there)} "
+                f"`gvla2 tasks robot={self._config.name}` lists those that it has."
+            )
+        world = self._worlds.load(task or "")
         world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
         base = world_from_base(world.model, world.data, world.names)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]
@@ -100,8 +106,8 @@ class MujocoArm:
 
     def observe(self) -> Observation:
         """RGB-D views of the cameras, the robot's own pixels cast from its model, and the measured hand."""
-        state, eyes, made = self._ready("observed")
-        size, joints, width = self._config.image_size, state.joints, state.width
+        driver, eyes, made = self._ready("observed")
+        size, joints, width = self._config.image_size, driver.joints, driver.width
         views = made.mask([eyes.view(name, size) for name in eyes.cameras], joints, width)
         opening = float(np.clip(width / made.arm.hand.max_width, 0.0, 1.0))
         viewpoint: Viewpoint = "facing" if self._config.viewpoint == "facing" else "robot"
@@ -113,32 +119,31 @@ class MujocoArm:
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
     ) -> ExecutionReport:
         """Move through the waypoints, planning around the perceived scene; stops at the first that fails."""
-        state, eyes, made = self._ready("moved")
-        config, shot = self._config, [-np.inf]
+        driver, eyes, made = self._ready("moved")
+        config, shot = self._config, -np.inf
 
         def film() -> None:
-            if state.time - shot[0] < 1.0 / config.video_fps - 1e-9 or not state.sane():
+            nonlocal shot
+            if driver.time - shot < 1.0 / config.video_fps - 1e-9 or not driver.sane():
                 return
-            shot[0] = state.time
-            listener.moment(Moment(state.time, state.joints, state.width))
+            shot = driver.time
+            listener.moment(Moment(driver.time, driver.joints, driver.width))
             if listener.wants_frames:
                 listener.frame(eyes.picture(eyes.cameras[0], config.video_size, shadows=False))
 
-        driver = WorldDriver(state, made.arm.hand.max_width, None if listener is _SILENT else film)
+        driver.film = (lambda: None) if listener is _SILENT else film
         options = ExecutorOptions(velocity_scale=0.9, acceleration=config.acceleration)
         faster = Trajectory(tuple(replace(w, speed=config.pace * w.speed) for w in trajectory))
-        return execute(faster, scene, MotionPlanner(made.arm), driver, listener, options)
+        return execute(faster, scene, made.arm, driver, listener, options)
 
     def success_check(self) -> SuccessCheck | None:
         """Whether the world's own check was met at any step, within its steps; None without a check."""
-        state, _, made = self._ready("judged")
-        driver, until = WorldDriver(state, made.arm.hand.max_width), state.world.steps + JUDGE_STEPS
-        moved = state.world.steps > 0
-        while (
-            moved and state.world.succeeded() is False and state.world.steps < until and not driver.expired()
-        ):
+        driver, _, _ = self._ready("judged")
+        world, until, driver.film = driver.world, driver.world.steps + JUDGE_STEPS, lambda: None
+        moved = world.steps > 0
+        while moved and world.succeeded() is False and world.steps < until and not driver.expired():
             driver.hold(1)
-        done = state.world.succeeded()
+        done = world.succeeded()
         return None if done is None else SuccessCheck(done, done)
 
     def true_state(self) -> WorldState:
@@ -147,20 +152,20 @@ class MujocoArm:
 
     def true_scene(self) -> Scene:
         """The world's bodies as scene objects, for the ``oracle`` perceiver: diagnosis only."""
-        state, _, _ = self._ready("read")
-        return true_scene(state.world)
+        driver, _, _ = self._ready("read")
+        return true_scene(driver.world)
 
     def close(self) -> None:
         """Release the world and its framebuffer; the arm's model stays."""
         if self._eyes is not None:
             self._eyes.close()
-        self._world, self._task, self._state, self._eyes = None, None, None, None
+        self._world, self._task, self._driver, self._eyes = None, None, None, None
 
-    def _ready(self, done: str) -> tuple[State, ModelEyes, UrdfArm]:
-        if self._state is None or self._eyes is None or self._made is None:
+    def _ready(self, done: str) -> tuple[WorldDriver, ModelEyes, UrdfArm]:
+        if self._driver is None or self._eyes is None or self._made is None:
             raise RobotError(f"Nothing can be {done} before reset: call reset(task, seed) first.")
-        if not self._state.sane():
+        if not self._driver.sane():
             raise SimulationError(
                 f"The simulation has blown up and cannot be {done}: this episode is not measured. reset starts anew."
             )
-        return self._state, self._eyes, self._made
+        return self._driver, self._eyes, self._made

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
@@ -17,9 +19,6 @@ from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_whole
-
-EFFORT = "100"
-"""Of a joint in the URDF, which needs some; nothing here reads it."""
 
 
 @dataclass(frozen=True)
@@ -35,17 +34,14 @@ class ArmNames:
 
     def check(self, model: Any) -> None:
         """Raises :class:`RobotError` for a name that the model lacks, with the names that it has."""
-        bodies = [model.body(i).name for i in range(model.nbody)]
-        joints = [model.joint(i).name for i in range(model.njnt)]
-        for what, names, there in (
-            ("bodies", (self.base, self.tool), bodies),
-            ("joints", (*self.joints, *self.fingers), joints),
-        ):
-            missing = [name for name in names if name not in there]
-            if missing or not all(names):
+        bodies = {model.body(i).name for i in range(model.nbody)}
+        joints = {model.joint(i).name for i in range(model.njnt)}
+        missing = {self.base, self.tool} - bodies, {*self.joints, *self.fingers} - joints
+        for what, names, there in zip(("bodies", "joints"), missing, (bodies, joints), strict=True):
+            if names:
                 raise RobotError(
-                    f"The model has no {what} {missing or list(names)}, by which its arm would be driven. It has: "
-                    f"{', '.join(filter(None, there))}."
+                    f"The model has no {what} {sorted(names)}, by which its arm would be driven. It has: "
+                    f"{', '.join(sorted(filter(None, there)))}."
                 )
 
 
@@ -98,8 +94,6 @@ def write_urdf(model: Any, names: ArmNames, speed: float) -> Path:
         link, pose = place[body]
         for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
             _add_geometry(links[link], model, geom, pose)
-    for name in names.fingers:
-        _open_upwards(next(j for j in robot.iterfind("joint") if j.get("name") == name))
     text = ET.tostring(robot)
     path = cache_folder() / "mjcf" / f"{hashlib.sha256(text).hexdigest()[:32]}.urdf"
     if not path.is_file():
@@ -134,19 +128,11 @@ def _add_joint(
     low, high = joint.range
     if not low < high:
         raise RobotError(f"The joint {joint.name} of the model has no limits; give it a range.")
-    ET.SubElement(element, "axis", xyz=_text(joint.axis))
-    ET.SubElement(element, "limit", lower=str(low), upper=str(high), velocity=str(speed), effort=EFFORT)
-
-
-def _open_upwards(joint: ET.Element) -> None:
-    """Two fingers may open by opposite signs: here both open upwards."""
-    axis, limit = joint.find("axis"), joint.find("limit")
-    assert axis is not None
-    assert limit is not None
-    low, high = float(limit.get("lower", 0)), float(limit.get("upper", 0))
-    if -low > high:
-        axis.set("xyz", _text([-float(v) for v in axis.get("xyz", "").split()]))
-        limit.attrib.update(lower=str(-high), upper=str(-low))
+    sign = 1.0
+    if kind == "prismatic" and -low > high:  # two fingers may open by opposite signs: here both open upwards
+        low, high, sign = -high, -low, -1.0
+    ET.SubElement(element, "axis", xyz=_text(sign * joint.axis))
+    ET.SubElement(element, "limit", lower=str(low), upper=str(high), velocity=str(speed), effort="100")
 
 
 def _add_geometry(link: ET.Element, model: Any, geom: int, link_from_body: FloatArray) -> None:
@@ -191,22 +177,70 @@ def mesh_of(model: Any, mesh: int) -> tuple[FloatArray, Any]:
     return vertices, faces
 
 
-def primitive(model: Any, geom: int) -> Any:
-    """A box, sphere, cylinder or capsule of the model as a trimesh in the geom's frame, metres; an ellipsoid too."""
-    import mujoco
+TEXTURE = 512
+"""Longest side of a texture, pixels: recognition samples 3000 points."""
+
+
+def painted(model: Any, data: Any, body: int, groups: Sequence[int]) -> list[Any]:
+    """What is drawn of a body as trimeshes, world, metres: meshes with their textures, the rest in the mean colour."""
     import trimesh
 
-    kinds, size = mujoco.mjtGeom, np.asarray(model.geom_size[geom])
-    kind = model.geom_type[geom]
-    if kind == kinds.mjGEOM_BOX:
-        return trimesh.creation.box(2 * size)
-    if kind == kinds.mjGEOM_CYLINDER:
-        return trimesh.creation.cylinder(size[0], 2 * size[1])
-    if kind == kinds.mjGEOM_CAPSULE:
-        return trimesh.creation.capsule(2 * size[1], size[0])
-    ball = trimesh.creation.icosphere(radius=1.0)
-    ball.apply_scale(size if kind == kinds.mjGEOM_ELLIPSOID else size[:1].repeat(3))
-    return ball
+    made = []
+    for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
+        if model.geom_group[geom] not in groups or model.geom_rgba[geom][3] == 0:
+            continue
+        material, image = int(model.geom_matid[geom]), None
+        rgba = np.array(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material])
+        texture = -1 if material < 0 else int(np.ravel(model.mat_texid[material]).max())
+        if texture >= 0:
+            size = (int(table[texture]) for table in (model.tex_height, model.tex_width, model.tex_nchannel))
+            height, width, depth = size
+            first = int(model.tex_adr[texture])
+            pixels = np.asarray(model.tex_data[first : first + height * width * depth])
+            image = Image.fromarray(pixels.reshape(height, width, depth)[..., :3])
+            image.thumbnail((TEXTURE, TEXTURE))
+        shape, uv = _drawn_shape(model, geom)
+        if shape is None:
+            continue
+        if uv is None and image is not None:
+            rgba[:3] *= np.asarray(image).reshape(-1, 3).mean(axis=0) / 255
+            image = None
+        paint = np.rint(255 * np.array([*rgba[:3], 1.0])).astype(np.uint8)
+        material = trimesh.visual.material.PBRMaterial(baseColorTexture=image, baseColorFactor=paint)
+        shape.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+        shape.apply_transform(rigid(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]))
+        made.append(shape)
+    return made
+
+
+def _drawn_shape(model: Any, geom: int) -> tuple[Any, Any]:
+    """A geom as a trimesh in its own frame, None for a plane; texture coordinates (V, 2) of a mesh that has them."""
+    import trimesh
+    from mujoco import mjtGeom
+
+    kind, size = model.geom_type[geom], np.asarray(model.geom_size[geom])
+    if kind == mjtGeom.mjGEOM_PLANE:
+        return None, None
+    if kind == mjtGeom.mjGEOM_BOX:
+        return trimesh.creation.box(2 * size), None
+    if kind == mjtGeom.mjGEOM_CYLINDER:
+        return trimesh.creation.cylinder(size[0], 2 * size[1]), None
+    if kind == mjtGeom.mjGEOM_CAPSULE:
+        return trimesh.creation.capsule(2 * size[1], size[0]), None
+    if kind != mjtGeom.mjGEOM_MESH:
+        ball = trimesh.creation.icosphere(radius=1.0)
+        ball.apply_scale(size if kind == mjtGeom.mjGEOM_ELLIPSOID else size[:1].repeat(3))
+        return ball, None
+    mesh = int(model.geom_dataid[geom])
+    vertices, faces = mesh_of(model, mesh)
+    corners, uv = faces.ravel(), None
+    if model.mesh_texcoordnum[mesh] > 0:
+        face, at = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
+        indices = np.asarray(model.mesh_facetexcoord[face : face + len(faces)]).ravel()
+        # MuJoCo counts rows of a picture from above.
+        uv = model.mesh_texcoord[at : at + model.mesh_texcoordnum[mesh]][indices] * [1, -1] + [0, 1]
+    alone = np.arange(len(corners)).reshape(-1, 3)
+    return trimesh.Trimesh(vertices[corners], alone, process=False), uv
 
 
 def _rotation(quaternion: Any) -> Rotation:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -61,52 +61,9 @@ class Worlds(Protocol):
         """Each task's sentence by its name ``suite/task``."""
         ...
 
-    def load(self, task: str | None) -> World:
-        """The world of a task; raises :class:`ConfigurationError` for a task that there is not."""
+    def load(self, task: str) -> World:
+        """The world of one of the tasks, "" where there are none."""
         ...
-
-
-class State:
-    """What the arm's own sensors measure in a world, and the ``opening`` in [0, 1] that its hand was sent to.
-
-    Closed fingers are ``gap`` metres apart.
-    """
-
-    def __init__(self, world: World, gap: float) -> None:
-        model, names = world.model, world.names
-        self.world, self.opening, self._gap = world, 1.0, gap
-        self._joints = np.array([model.joint(n).qposadr[0] for n in names.joints])
-        self._speeds = np.array([model.joint(n).dofadr[0] for n in names.joints])
-        self._fingers = np.array([model.joint(n).qposadr[0] for n in names.fingers], dtype=np.intp)
-        ends = [model.joint(n).range for n in names.fingers]
-        self._closed = np.array([low if high > -low else high for low, high in ends])
-
-    @property
-    def joints(self) -> FloatArray:
-        """(dof,) radians."""
-        return np.array(self.world.data.qpos[self._joints], dtype=np.float64)
-
-    @property
-    def speeds(self) -> FloatArray:
-        """(dof,) rad/s."""
-        return np.array(self.world.data.qvel[self._speeds], dtype=np.float64)
-
-    @property
-    def width(self) -> float:
-        """Between the fingers, metres."""
-        return self._gap + float(np.abs(self.world.data.qpos[self._fingers] - self._closed).sum())
-
-    @property
-    def time(self) -> float:
-        """Simulated seconds of the episode."""
-        return self.world.steps / self.world.rate
-
-    def sane(self) -> bool:
-        """Whether the physics went well: MuJoCo starts anew by itself after a state that it cannot continue."""
-        data, kinds = self.world.data, import_mujoco().mjtWarning
-        bad = kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC
-        blown = any(data.warning[kind].number for kind in bad)
-        return not blown and bool(np.isfinite(data.qpos).all() and np.abs(data.qvel).max() < IMPOSSIBLE)
 
 
 IMPOSSIBLE = 1e3
@@ -126,87 +83,119 @@ HOLD_STEPS = 3
 
 
 class WorldDriver:
-    """Implements :class:`gvla2.robot.driver.GuardedDriver` in steps of a world, ``film`` after each.
+    """Implements :class:`gvla2.robot.driver.Driver` in steps of a world, calling ``film`` after each.
 
-    Targets run ahead of the samples by the controller's lag, so that the arm follows them without delay.
+    ``joints`` (dof,) radians and ``width`` metres are what the arm's own sensors measure. The hand opens ``max_width``
+    and leaves ``gap`` metres between closed fingers. Targets run ahead of the samples by the controller's lag, so that
+    the arm follows them without delay.
     """
 
-    def __init__(self, state: State, max_width: float, film: Callable[[], None] | None = None) -> None:
-        self._state, self._world, self._max_width, self._film = state, state.world, max_width, film
+    def __init__(self, world: World, gap: float, max_width: float) -> None:
+        model, names = world.model, world.names
+        self.world, self.film = world, lambda: None
+        self._gap, self._max_width, self._opening = (
+            gap,
+            max_width,
+            1.0,
+        )  # the opening that the hand was sent to
+        self._qpos = np.array([model.joint(n).qposadr[0] for n in names.joints])
+        self._dofs = np.array([model.joint(n).dofadr[0] for n in names.joints])
+        self._fingers = np.array([model.joint(n).qposadr[0] for n in names.fingers], dtype=np.intp)
+        ends = [model.joint(n).range for n in names.fingers]
+        self._closed = np.array([low if high > -low else high for low, high in ends])
+
+    @property
+    def joints(self) -> FloatArray:
+        """(dof,) radians."""
+        return np.array(self.world.data.qpos[self._qpos], dtype=np.float64)
+
+    @property
+    def width(self) -> float:
+        """Between the fingers, metres."""
+        return self._gap + float(np.abs(self.world.data.qpos[self._fingers] - self._closed).sum())
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds of the episode."""
+        return self.world.steps / self.world.rate
+
+    def sane(self) -> bool:
+        """Whether the physics went well: MuJoCo starts anew by itself after a state that it cannot continue."""
+        data, kinds = self.world.data, import_mujoco().mjtWarning
+        bad = kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC
+        blown = any(data.warning[kind].number for kind in bad)
+        return not blown and bool(np.isfinite(data.qpos).all() and np.abs(data.qvel).max() < IMPOSSIBLE)
 
     def state(self) -> DriverState:
         """The measured state, now."""
-        return DriverState(self._state.joints, self._state.width, self._state.time)
+        return DriverState(self.joints, self.width, self.time)
 
-    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
-        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle."""
-        return self.follow_guarded(samples, dt, gripper, lambda commanded, measured, force: False)
+    def follow(
+        self, samples: FloatArray, dt: float, gripper: float, stop: StopRule | None = None
+    ) -> MoveResult:
+        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle.
 
-    def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
-        """As :meth:`follow`, until ``stop``, which is asked once a step and feels no force."""
+        ``stop`` is asked once a step and feels no force.
+        """
         samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
         if not np.isfinite(samples).all() or dt <= 0:
             raise RobotError(
                 f"The arm follows finite joint samples at dt > 0, got {samples.shape} at dt={dt}."
             )
-        self._command(gripper)
-        times, rate = np.arange(len(samples)) * dt, self._world.rate
+        # The opening was measured: it must not release what the fingers squeeze at just that width.
+        measured = self.width / self._max_width
+        short = measured > self._opening + STOPPED_SHORT / self._max_width
+        if not (short and abs(gripper - measured) < 0.1):
+            self._opening = gripper
+        times, rate = np.arange(len(samples)) * dt, self.world.rate
 
         def at(moment: float) -> FloatArray:
             return np.array([np.interp(moment, times, column) for column in samples.T])
 
         count = math.ceil(times[-1] * rate - 1e-9)
         for step in range(1, count + math.ceil(SETTLE_SECONDS * rate)):
-            off = np.abs(self._state.joints - samples[-1]).max()
-            arrived = off < SETTLED and np.abs(self._state.speeds).max() < SLOW
+            off = np.abs(self.joints - samples[-1]).max()
+            arrived = off < SETTLED and np.abs(self.world.data.qvel[self._dofs]).max() < SLOW
             if self._over() or (step > count and arrived):
                 break
-            self._step(at(step / rate + self._world.lag))
-            if stop(at(step / rate), self._state.joints, None):
+            self._step(at(step / rate + self.world.lag))
+            if stop is not None and stop(at(step / rate), self.joints, None):
                 return MoveResult(stopped=True)
-        return MoveResult(diverged=not self._state.sane(), expired=self.expired())
+        return MoveResult(diverged=not self.sane(), expired=self.expired())
 
     def grip(self, opening: float) -> GripResult:
         """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
-        way = math.ceil(self._world.hand_steps * abs(opening - self._state.opening))
-        still, self._state.opening = self._state.joints, opening
+        way = math.ceil(self.world.hand_steps * abs(opening - self._opening))
+        still, self._opening = self.joints, opening
         widths: deque[float] = deque(maxlen=STILL_STEPS)
-        for step in range(way + math.ceil(GRIP_SECONDS * self._world.rate)):
-            widths.append(self._state.width)
+        for step in range(way + math.ceil(GRIP_SECONDS * self.world.rate)):
+            widths.append(self.width)
             if self._over() or (step >= way and len(widths) == STILL_STEPS and np.ptp(widths) < STILL):
                 break
             self._step(still)
-        width = self._state.width
-        return GripResult(width, width > opening * self._max_width + STOPPED_SHORT)
+        return GripResult(self.width, self.width > opening * self._max_width + STOPPED_SHORT)
 
     def hold(self, steps: int = HOLD_STEPS) -> None:
         """Stop at the measured position and stay there."""
-        joints = self._state.joints
+        joints = self.joints
         for _ in range(steps):
             if not self._over():
                 self._step(joints)
 
-    def _command(self, gripper: float) -> None:
-        """Send the fingers to an opening, unless they squeeze something at just that width: an execution starts from
-        measurements and must not release an earlier grasp.
-        """
-        state, measured = self._state, self._state.width / self._max_width
-        short = measured > state.opening + STOPPED_SHORT / self._max_width
-        if not (short and abs(gripper - measured) < 0.1):
-            state.opening = gripper
-
-    def _over(self) -> bool:
-        return bool(self.expired()) or not self._state.sane()
-
     def expired(self) -> str:
         """Why the world has ended the episode, "" while it goes on."""
-        world = self._world
+        world = self.world
         ended = 0 < world.max_steps <= world.steps
         return f"The world allows {world.max_steps} steps of {1 / world.rate:g} s." if ended else ""
 
+    def _over(self) -> bool:
+        return bool(self.expired()) or not self.sane()
+
     def _step(self, joints: FloatArray) -> None:
-        self._world.step(joints, self._state.opening)
-        if (film := self._film) is not None:
-            self._film = None  # a picture that raises is the last, since the arm must still be held
-            film()
-            self._film = film
+        self.world.step(joints, self._opening)
+        film, self.film = (
+            self.film,
+            lambda: None,
+        )  # a picture that raises is the last: the arm must still be held
+        film()
+        self.film = film

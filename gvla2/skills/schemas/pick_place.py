@@ -5,7 +5,7 @@ To put a hole over a post, the fingers close on two opposite sides, which centre
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -27,6 +27,10 @@ BENT = 0.15
 
 TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
 """Turns of the object on its way, radians: one may be within the wrist's limits if another is not."""
+DROP = 0.02
+"""Metres by which an object falls into a container where the hand finds no room lower down."""
+DOWNWARD = -0.8
+"""The z of an approach that comes down between neighbours, at most."""
 FLOOR = 0.01
 """Assumed thickness of a container's floor that was not seen, metres."""
 ALIKE = 1.15
@@ -78,16 +82,32 @@ def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
     return Proposal(how, grasp.approaches, preference, way, notes)
 
 
-def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None, stage: str = "grasp") -> Path:
+def take(
+    job: Job,
+    grasp: Grasp,
+    touching: frozenset[str] | None = None,
+    stage: str = "grasp",
+    *,
+    between: bool = False,
+) -> Path:
     """The stages up to the closed hand around the object, not yet lifted. ``touching`` are the allowed contacts, by
-    default the theme and its parts; ``stage`` names the last motion before the hand closes.
+    default the theme and its parts; ``stage`` names the last motion before the hand closes. ``between``: the hand comes
+    straight down between taller neighbours, to which planned motions keep more distance.
     """
     theta, theme = job.theta, job.own | job.around if touching is None else touching
     # At this distance along the approach the fingertips are a standoff away from the object's top.
     reach = job.theme.top - grasp.centre[2] + job.hand.tip_beyond_tcp if grasp.back is None else grasp.back
     depth = reach + theta["standoff"]
     path = Path(theta["speed"], theta["contact_speed"], grasp.orientation)
-    path.go("approach", grasp.centre - grasp.approach * depth, gripper=grasp.opening)
+    start = grasp.centre - grasp.approach * depth
+    if between:
+        over = job.highest(job.theme.centre) + CLEAR + job.hand.tip_beyond_tcp - start[2]
+        path.go(
+            "approach", start - grasp.approach * max(over, 0.0) / grasp.approach[2], gripper=grasp.opening
+        )
+        path.line("descend", start)
+    else:
+        path.go("approach", start, gripper=grasp.opening)
     path.line(stage, grasp.centre, allowed=theme, slow=True)
     path.line("close", grasp.centre, gripper=0.0, allowed=theme, slow=True)
     path.carries = job.theme.id
@@ -119,17 +139,36 @@ def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
     return np.asarray(out)
 
 
+@dataclass(frozen=True)
+class Way:
+    """How an object is taken and put down: ``straight`` up, or around what is above it; the hand coming down
+    ``between`` taller neighbours; let go of ``drop`` metres higher than usual.
+    """
+
+    straight: bool = True
+    between: bool = False
+    drop: float = 0.0
+
+
 def propose_place(job: Job) -> list[Proposal] | Abstention:
     """Each grasp with each spot and turn of the object at the goal."""
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
     turns, spots = _turns(job), goal_spots(job)
-    ways = [(True, spots), (False, spots), (True, _aside(job, spots))]
+    ways = [
+        (Way(), spots),
+        (Way(straight=False), spots),
+        (Way(), _aside(job, spots)),
+        (Way(between=True), spots),
+    ]
+    if job.goal is not None and job.goal.opening > 0.0:
+        ways += [(Way(between=between, drop=DROP), spots) for between in (False, True)]
     return [
-        _place(job, grasp, spot, name, turn, straight, reserve=k > 0)
-        for k, (straight, where) in enumerate(ways)
+        _place(job, grasp, spot, name, turn, way, reserve=k > 0)
+        for k, (way, where) in enumerate(ways)
         for grasp in found
+        if not way.between or grasp.approach[2] < DOWNWARD
         for spot, name in where
         for turn in turns
     ]
@@ -215,32 +254,32 @@ def support_of(job: Job, grasp: Grasp, spot: FloatArray) -> float:
 
 
 def _place(
-    job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float, straight: bool, *, reserve: bool
+    job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float, how: Way, *, reserve: bool
 ) -> Proposal:
-    """Lift straight up as high as it is carried; or a little, and then around what is above."""
+    """Take the theme, carry it over the spot (3,), and put it down."""
 
     def way() -> Trajectory:
-        path, over = brought(job, grasp, spot, turn, straight)
-        put_down(job, path, grasp, over, spot)
+        path, over = brought(job, grasp, spot, turn, how)
+        put_down(job, path, grasp, over, spot, how.drop)
         return path.trajectory()
 
-    how = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
+    named = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     preference = grasp.preference - 0.05 * (turn != 0.0)
     if job.share[1] > 1 and job.goal is not None:  # fingers between the objects need room, too
         closing = Rotation.from_euler("z", turn).apply(grasp.closing)
         preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
-    how += "" if straight else ", around what is above it"
-    return Proposal(how, grasp.approaches, preference, way, reserve=reserve)
+    named += "" if how.straight else ", around what is above it"
+    named += ", from between its neighbours" if how.between else ""
+    named += f", dropped by {1e3 * how.drop:.0f} mm" if how.drop else ""
+    return Proposal(named, grasp.approaches, preference, way, reserve=reserve)
 
 
-def brought(
-    job: Job, grasp: Grasp, spot: FloatArray, turn: float, straight: bool = True
-) -> tuple[Path, Grasp]:
+def brought(job: Job, grasp: Grasp, spot: FloatArray, turn: float, how: Way = Way()) -> tuple[Path, Grasp]:
     """The path from the approach to over the spot (3,), with the theme turned by ``turn``, and the grasp there."""
-    path, over = take(job, grasp), over_spot(job, grasp, spot, turn)
+    path, over = take(job, grasp, between=how.between), over_spot(job, grasp, spot, turn)
     out = draw_out(job, path, grasp)
     up = np.array([*out[:2], over.centre[2]])
-    if not straight:  # back the way that the hand came, unless the theme stands in something
+    if not how.straight:  # back the way that the hand came, unless the theme stands in something
         up = out + (job.rise + 2 * CLEAR) * (UP if job.rise > 0.0 else -grasp.approach)
     path.line("lift", up, allowed=job.own | job.resting)
     carry(path, over)
@@ -265,10 +304,10 @@ def carry(path: Path, over: Grasp) -> None:
     path.go("transit", over.centre)
 
 
-def put_down(job: Job, path: Path, grasp: Grasp, over: Grasp, spot: FloatArray) -> None:
-    """From over the spot (3,): lower, let go, retreat along the approach."""
+def put_down(job: Job, path: Path, grasp: Grasp, over: Grasp, spot: FloatArray, drop: float = 0.0) -> None:
+    """From over the spot (3,): lower, let go ``drop`` metres above where it would stand, retreat along the approach."""
     theta, hangs = job.theta, grasp.centre[2] - job.theme.bottom
-    height = support_of(job, grasp, spot) + theta["place_height"] + hangs
+    height = support_of(job, grasp, spot) + theta["place_height"] + drop + hangs
     down = np.array([*over.centre[:2], max(height, job.lowest_tcp())])
     touching = job.own | {"table"}
     if job.goal is not None:

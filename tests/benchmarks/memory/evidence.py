@@ -24,8 +24,9 @@ from paraphrases import Score, cosine, stemmed_bm25
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.contracts import Embedder, Lesson, Verdict
+from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
 from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.learning import JudgedEpisode, admit
 from gvla2.memory.options import HybridOptions
 from gvla2.memory.retrieval import HybridRetriever
 from gvla2_plugins.embedders.minilm import MiniLMEmbedder
@@ -86,7 +87,8 @@ def through_bank(conversation: Conversation, embedder: Embedder) -> list[float]:
         TemporaryDirectory() as folder,
         KnowledgeBank(f"{folder}/memory.db", embedder=embedder, retriever=retriever) as bank,
     ):
-        bank.admit_many(((Lesson("procedural_hint", text), verdict, "", "") for text in turns), trusted=True)
+        task, lessons = MemoryTask(""), [Lesson("procedural_hint", text) for text in turns]
+        admit(bank, [JudgedEpisode.lesson(one, verdict, task, "", own=True) for one in lessons])
         said = {record.id: turns.get(record.content, set()) for record in bank.records()}
         shares = []
         for question, evidence in conversation.questions:

@@ -35,9 +35,9 @@ def test_level_axes_may_come_in_any_order(body, perceived):
 def test_a_miss_and_a_phantom(world, body, perceived, scene_of):
     lab = world(body("near", 0.2))
     (missed,), false = scored(lab, scene_of(perceived(body("ghost", -0.3))))
-    assert (missed.found, missed.centre_mm, false) == (False, None, [0])
+    assert (missed.index, missed.centre_mm, false) == (-1, None, [0])
     (missed,), false = scored(lab, scene_of())
-    assert (missed.found, false) == (False, [])
+    assert (missed.index, false) == (-1, [])
 
 
 def test_a_tower_seen_as_one_object_stands_for_its_bricks(world, body, perceived, scene_of):
@@ -45,7 +45,7 @@ def test_a_tower_seen_as_one_object_stands_for_its_bricks(world, body, perceived
     lab = world(*bodies)
     whole = perceived(bodies[1], extents=np.array([0.301, 0.1, 0.1]), label="red tower")
     objects, false = scored(lab, scene_of(whole))
-    assert all(obj.found and obj.named is None and obj.side_mm is None for obj in objects)
+    assert all(obj.index >= 0 and obj.named is None and obj.side_mm is None for obj in objects)
     assert not false
     objects, false = scored(lab, scene_of(*map(perceived, bodies)))
     assert all(obj.named for obj in objects)

@@ -3,7 +3,7 @@
 import json
 from contextlib import closing
 
-from gvla2.evaluation.arms import Experience, Frozen, Shuffled, teach
+from gvla2.evaluation.arms import STORIES, Frozen, Shuffled, teach
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.effects import effect_from_json
 from gvla2.plugins.registry import load_plugins
@@ -23,12 +23,12 @@ def experience(
         effect_from_json(effect).to_json(),
     )
     task = MemoryTask(query, {"objects": 2.0}, skill, ("red cube box",))
-    return Experience(skill, seed, MemoryEpisode(task, (lesson,), source=f"{skill}-{seed}"), verdict)
+    return MemoryEpisode(task, (lesson,), source=f"{skill}-{seed}"), verdict
 
 
 def test_experience_survives_json():
-    one = experience(3, 0.02, GOOD)
-    assert Experience.from_json(json.loads(json.dumps(one.to_json()))) == one
+    one = (experience(3, 0.02, GOOD),)
+    assert STORIES.validate_python(json.loads(json.dumps(STORIES.dump_python(one, mode="json")))) == one
 
 
 def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_for_another(tmp_path):
@@ -48,7 +48,7 @@ def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_f
         asked = MemoryTask("lift the red cube", {"objects": 2.0})
         before = frozen.recall(asked)
         assert any("pick" in item.content for item in before.items)
-        learned = frozen.learn(experience(7, 0.05, GOOD).episode, GOOD)
+        learned = frozen.learn(*experience(7, 0.05, GOOD))
         assert not learned.added
         assert not learned.merged
         assert frozen.recall(asked).text == before.text

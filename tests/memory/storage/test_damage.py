@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.audit import Problem
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson
-from gvla2.memory.events import TABLES
+from gvla2.memory.tables import TABLES
+from gvla2.memory.view import Problem
 
 ODD = (b"\xff\xfe", b"", "", "much", "'", "[]", "{}", '{"id":1}', "NaN", -1, 2**62, 1e308, float("inf"))
 """Values that a damaged cell may hold."""

@@ -8,10 +8,9 @@ import pytest
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import MemoryTask
-from gvla2.memory.events import StoredEpisode
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
-from gvla2.memory.transaction import StaleRecordError
+from gvla2.memory.tables import StoredEpisode
 from tests.memory.looking import look
 
 NOW = 1.8e9
@@ -25,10 +24,9 @@ def test_a_record_comes_back_as_it_was_stored(
     assert (stored.version, stored.rev, stored.confidence) == (1, 1, 0.5)
     assert look(store, "b").records() == [stored]
     assert type(stored.quality) is float
-    (change,) = look(store, "b").changes(0)
-    assert (change.record, change.model, change.record.state) == (stored, "m", "active")
-    np.testing.assert_array_equal(change.vector, vector)
-    assert look(store, "b").changes(stored.rev) == []
+    (one,) = look(store, "b").embedded(["active"])
+    assert (one.record, one.model, one.conflicts) == (stored, "m", 0)
+    np.testing.assert_array_equal(one.vector, vector)
     assert store.rev("b") == 1
     assert store.rev("other") == 0
     assert look(store, "b").verify() == []
@@ -38,11 +36,11 @@ def test_an_update_counts_and_a_stale_one_is_refused(store: Store, record: Make,
     first = put(record())
     second = put(replace(first, count=2))
     assert (second.version, second.rev, second.count) == (2, 2, 2)
-    with pytest.raises(StaleRecordError, match="version 2 by now, not 1"):
+    with pytest.raises(MemoryStoreError, match="version 2 by now, not 1"):
         put(replace(first, count=9))
-    with pytest.raises(StaleRecordError, match="not 0"):
+    with pytest.raises(MemoryStoreError, match="not 0"):
         put(record())
-    with pytest.raises(StaleRecordError, match="of version 0 by now, not 4"):
+    with pytest.raises(MemoryStoreError, match="of version 0 by now, not 4"):
         put(record("new", version=4))
     assert look(store, "b").records() == [second]
     assert look(store, "b").verify() == []
@@ -81,24 +79,17 @@ def test_a_dedup_key_belongs_to_one_record(store: Store, record: Make, put: Make
         put(record("2", dedup_key="k"))
 
 
-def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: Make) -> None:
+def test_a_link_counts_for_both_ends(store: Store, record: Make, put: Make) -> None:
     for id in "123":
         put(record(id))
     rev = store.rev("b")
     with store.writing("b", actor="a", now=NOW) as t:
         for _ in range(2):  # once is enough
             t.link("1", "conflict", "2")
-    changes = look(store, "b").changes(rev)
-    assert [c.record.id for c in changes] == ["1", "2"]
-    assert [c.conflicts for c in changes] == [1, 1]
-    assert [c.record.version for c in changes] == [1, 1]
+    assert store.rev("b") == rev + 1
+    assert [one.conflicts for one in look(store, "b").embedded(["active"])] == [1, 1, 0]
     (link,) = look(store, "b").links(["2"])
     assert (link.source, link.kind, link.target, link.at) == ("1", "conflict", "2", NOW)
-    with store.writing("b", actor="a", now=NOW) as t:
-        with pytest.raises(MemoryStoreError, match="Cannot link"):
-            t.link("1", "conflict", "nobody")
-        with pytest.raises(MemoryStoreError, match="two different records"):
-            t.link("1", "conflict", "1")
     assert look(store, "b").verify() == []
 
 
@@ -143,18 +134,11 @@ def test_unsound_records_are_refused(
     assert look(store, "b").records() == []
 
 
-def test_vectors_are_finite(store: Store, record: Make, put: Make, vector: np.ndarray) -> None:
+def test_vectors_are_kept_with_their_model(store: Store, record: Make, put: Make, vector: np.ndarray) -> None:
     put(record("1"), vector)
-    for wrong, said in (
-        (np.full(16, np.nan), "finite"),
-        (np.ones((4, 4)), "one row"),
-        (np.ones(0), "finite"),
-    ):
-        with pytest.raises(MemoryStoreError, match=said):
-            put(record("2"), wrong)
     with store.writing("b", actor="a", now=NOW) as t:
         t.put(record("2"), "add", vector=np.ones(8), model="another")
-    assert [c.model for c in look(store, "b").changes(0)] == ["m", "another"]
+    assert [c.model for c in look(store, "b").embedded(["active"])] == ["m", "another"]
     assert look(store, "b").verify() == []
 
 
@@ -163,13 +147,13 @@ def test_a_vector_goes_with_the_text_it_was_made_of(
 ) -> None:
     first = put(record("1"), vector)
     second = put(replace(first, count=2))
-    assert look(store, "b").changes(0)[0].vector is not None
+    assert look(store, "b").embedded(["active"])[0].vector is not None
     third = put(replace(second, content="something else"))
-    assert look(store, "b").changes(0)[0].vector is None
+    assert look(store, "b").embedded(["active"])[0].vector is None
     with store.writing("b", actor="index", now=0.0) as t:
         t.save_vectors("m", [(second, vector)])  # made of a text that is no more
         t.save_vectors("m2", [(third, np.ones(4)), (record("gone"), np.ones(4))])
-    (change,) = look(store, "b").changes(0)
+    (change,) = look(store, "b").embedded(["active"])
     assert (change.model, change.record) == ("m2", third)
     assert look(store, "b").verify() == []
     assert store.rev("b") == third.rev  # derived data are no change
@@ -203,10 +187,6 @@ def test_episodes_come_back_for_replay(store: Store) -> None:
     assert look(store, "b").episodes() == {"run/1": EPISODE, "run/2": other}
     with store.writing("b", actor="a", now=NOW) as t:
         t.save_episode(later)
-        with pytest.raises(MemoryStoreError, match="not valid JSON"):
-            t.save_episode(replace(EPISODE, facts={"what": object()}))
-        with pytest.raises(MemoryStoreError, match="under a source"):
-            t.save_episode(replace(EPISODE, source=""))
     assert look(store, "b").episodes(["run/1"]) == {"run/1": later}
     assert look(store, "b").verify() == []
 

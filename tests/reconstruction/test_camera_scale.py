@@ -6,15 +6,15 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import rigid
-from gvla2.reconstruction.sim3 import Sim3, scale_between
-from tests.similarities import moved_poses
+from gvla2.reconstruction.depth_evidence import scale_between
+from tests.similarities import moved_poses, scale_of, similarity
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_sim3(rng: np.random.Generator) -> Sim3:
+def random_similarity(rng: np.random.Generator) -> np.ndarray:
     rotation = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
-    return Sim3(float(np.exp(rng.uniform(-2, 2))), rotation, rng.normal(size=3) * 3)
+    return similarity(float(np.exp(rng.uniform(-2, 2))), rotation, rng.normal(size=3) * 3)
 
 
 def random_poses(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -30,14 +30,14 @@ def random_poses(rng: np.random.Generator, count: int) -> np.ndarray:
 @settings(max_examples=25, deadline=None)
 def test_the_scale_between_cameras_is_found_exactly(seed, count):
     rng = np.random.default_rng(seed)
-    truth, poses = random_sim3(rng), random_poses(rng, count)
-    assert scale_between(poses, moved_poses(truth, poses)) == pytest.approx(truth.scale, rel=1e-6)
+    truth, poses = random_similarity(rng), random_poses(rng, count)
+    assert scale_between(poses, moved_poses(truth, poses)) == pytest.approx(scale_of(truth), rel=1e-6)
 
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_without_a_baseline_the_scale_stays_open(count):
     rng = np.random.default_rng(4)
-    truth, poses = random_sim3(rng), random_poses(rng, count)
+    truth, poses = random_similarity(rng), random_poses(rng, count)
     poses[:, :3, 3] = [10.0, 20.0, 30.0]
     assert scale_between(poses, moved_poses(truth, poses)) is None
 
