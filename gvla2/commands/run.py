@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
+from gvla2.commands import sweeps
 from gvla2.errors import ConfigurationError, Gvla2Error, kept_alive
 from gvla2.evaluation.config import ResultsConfig
 from gvla2.plugins.assembly import build_components
@@ -123,8 +124,6 @@ def job(config: RunConfig, registry: Registry, folder: Path) -> float:
     :class:`Gvla2Error` when an episode could not be carried out (the robot would not start, say); an episode that was
     carried out and failed is a result.
     """
-    from gvla2.commands import sweeps
-
     if not sweeps.in_sweep():
         return success_rate(run_episodes(config, registry, folder))
     config, label = sweeps.with_fresh_bank(config, folder), sweeps.job_label()
@@ -254,7 +253,7 @@ class Tracking:
 
     def episode(self, number: int, record: EpisodeRecord, folder: Path) -> None:
         """Report a finished episode."""
-        self._call("tracker", lambda tracker: tracker.episode(number, measures_of(record), folder))
+        self._call("tracker", lambda tracker: tracker.episode(number, sweeps.measures_of(record), folder))
         self._call("view", lambda viewer: viewer.show(record, folder))
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -272,24 +271,10 @@ class Tracking:
             log.info("The error:", exc_info=error)
 
 
-def measures_of(record: EpisodeRecord) -> dict[str, float]:
-    """The numbers of an episode: outcome, seconds of each stage, tokens. Outcomes that nobody judged are left out."""
-    found = {f"seconds/{stage}": seconds for stage, seconds in record.timings.items()}
-    found |= {"seconds": record.seconds, "attempts": len(record.attempts) + 1}
-    if (success := record.success_check) is not None:
-        found |= {"success": float(success.relaxed), "success_strict": float(success.strict)}
-    if record.verdict is not None:
-        found["verified"] = float(record.verdict.outcome == "verified_success")
-    if tallies := record.language.values():
-        found["tokens"] = sum(t.get("prompt_tokens", 0) + t.get("completion_tokens", 0) for t in tallies)
-    return found
-
-
 def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 run [overrides]``; the process's exit status."""
     # An episode's matrices are small: on several threads they mostly wait, for one another and for pictures and film.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from gvla2.commands.hydra_job import launch
-    from gvla2.commands.sweeps import conclude
 
-    return conclude(launch("run", {"run": RunConfig}, job, argv), argv)
+    return sweeps.conclude(launch("run", {"run": RunConfig}, job, argv), argv)

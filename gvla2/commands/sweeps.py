@@ -89,21 +89,17 @@ def done_before(folder: Path, digest: str) -> float | None:
 
 def write_job(folder: Path, config: RunConfig, digest: str, records: Sequence[EpisodeRecord]) -> None:
     """Write what the sweep's table needs from this finished job."""
-    checks = [record.success_check for record in records]
+    measured, checks = [measures_of(r) for r in records], [r.success_check for r in records]
     row = {
         **_job(),
         "status": "ok",
         "digest": digest,
         "results": config.results.url,
         "episodes": len(records),
-        "succeeded": sum(bool(done and done.relaxed) for done in checks),
-        "succeeded_strict": sum(bool(done and done.strict) for done in checks),
-        "seconds": round(sum(record.seconds for record in records), 3),
-        "tokens": sum(
-            tally.get("prompt_tokens", 0) + tally.get("completion_tokens", 0)
-            for record in records
-            for tally in record.language.values()
-        ),
+        "succeeded": sum(one.get("success", 0.0) for one in measured),
+        "succeeded_strict": sum(one.get("success_strict", 0.0) for one in measured),
+        "seconds": round(sum(one["seconds"] for one in measured), 3),
+        "tokens": sum(one.get("tokens", 0) for one in measured),
         "memory_unavailable": sum(bool(record.memory_unavailable) for record in records),
         "layouts": [
             [record.seed, bool(done and done.relaxed), bool(done and done.strict)]
@@ -111,6 +107,19 @@ def write_job(folder: Path, config: RunConfig, digest: str, records: Sequence[Ep
         ],
     }
     write_json(folder / JOB, row)
+
+
+def measures_of(record: EpisodeRecord) -> dict[str, float]:
+    """The numbers of an episode: outcome, seconds of each stage, tokens. Outcomes that nobody judged are left out."""
+    found = {f"seconds/{stage}": seconds for stage, seconds in record.timings.items()}
+    found |= {"seconds": record.seconds, "attempts": len(record.attempts) + 1}
+    if (success := record.success_check) is not None:
+        found |= {"success": float(success.relaxed), "success_strict": float(success.strict)}
+    if record.verdict is not None:
+        found["verified"] = float(record.verdict.outcome == "verified_success")
+    if tallies := record.language.values():
+        found["tokens"] = sum(t.get("prompt_tokens", 0) + t.get("completion_tokens", 0) for t in tallies)
+    return found
 
 
 def write_failure(folder: Path, config: RunConfig, error: Exception) -> None:

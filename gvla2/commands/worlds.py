@@ -29,8 +29,7 @@ def tasks(argv: Sequence[str]) -> int:
     try:
         found = tasks_of(overrides)
     except Gvla2Error as error:
-        print(f"gvla2: {error}", file=sys.stderr)
-        return 1
+        return _failed(error)
     from gvla2.commands.tables import console, row, table
 
     listing = table("task", "")
@@ -38,6 +37,11 @@ def tasks(argv: Sequence[str]) -> int:
         row(listing, name, sentence)
     console().print(listing)
     return 0
+
+
+def _failed(error: Gvla2Error) -> int:
+    print(f"gvla2: {error}", file=sys.stderr)
+    return 1
 
 
 def tasks_of(overrides: Sequence[str]) -> dict[str, str]:
@@ -63,8 +67,7 @@ def data(argv: Sequence[str]) -> int:
     try:
         names = write_gallery(options.name, Path(folder).expanduser())
     except Gvla2Error as error:
-        print(f"gvla2: {error}", file=sys.stderr)
-        return 1
+        return _failed(error)
     print(f"{len(names)} objects in {folder}: {', '.join(names)}")
     return 0
 

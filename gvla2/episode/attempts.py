@@ -113,22 +113,14 @@ def _translated(call: SkillCall, now: dict[str, str], scene: Scene) -> SkillCall
 
 
 def clear_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
-    """Move the hand out of the cameras' view before the next look, if it is in it; a held object is set down first.
+    """Move the hand out of the cameras' view before the next look, if it is in it.
 
     Returns "" or a sentence on what prevented it.
     """
-    done = part.executed
+    after = part.executed.after
     rest = robot.arm.forward(robot.arm.home)[:3, 3]
-    away = float(np.linalg.norm(done.after.world_from_tcp[:3, 3] - rest))
-    if away <= AT_HOME and done.after.gripper > 0.95:
-        return ""
-    down = _way_down(done.trajectory)
-    if down is not None:
-        stopped = robot.execute(down, part.after_scene or done.scene, listener).abort
-        if stopped is not None:
-            return f"The held object could not be set down before the next part: {stopped.message}"
-        part = replace(part, after=robot.observe(), after_scene=None)  # it stands where it stood before
-    return back_off(robot, part, listener)
+    away = float(np.linalg.norm(after.world_from_tcp[:3, 3] - rest))
+    return "" if away <= AT_HOME and after.gripper > 0.95 else back_off(robot, part, listener)
 
 
 def cameras_moved(before: Observation, after: Observation) -> bool:
@@ -143,22 +135,6 @@ def hand_is_free(report: ExecutionReport) -> bool:
     """Whether the motion left an empty hand that may move on by itself."""
     stopped = report.abort is not None and report.abort.abort in (*NO_MORE, "expired")
     return bool(report.waypoints) and not stopped and not report.waypoints[-1].held
-
-
-def _way_down(done: Trajectory) -> Trajectory | None:
-    """Back along the path on which the held object was lifted, to where it was grasped; None with an empty hand."""
-    waypoints = done.waypoints
-    held = waypoints[-1].carries if waypoints[-1].gripper < 0.5 else ""
-    if not held:
-        return None
-    first = len(waypoints)
-    while first > 0 and waypoints[first - 1].carries == held:
-        first -= 1
-    back = [replace(w, stage="set down", guard=None) for w in reversed(waypoints[first:-1])]
-    grasped = waypoints[first - 1]
-    touching = grasped.allowed_contacts | {held, "table"}
-    down = replace(grasped, stage="set down", motion="linear", carries=held, guard=None)
-    return Trajectory((*back, replace(down, allowed_contacts=touching)))
 
 
 def with_whole_program(parts: Sequence[EpisodeRecord]) -> tuple[EpisodeRecord, ...]:

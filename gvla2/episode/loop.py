@@ -38,11 +38,7 @@ from gvla2.episode.lessons import memory_task, stories_of, transcript
 from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
 from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
 from gvla2.episode.refine import GeometryComponents, refine_scene
-from gvla2.errors import (
-    Gvla2Error,
-    SimulationError,
-    kept_alive,
-)
+from gvla2.errors import Gvla2Error, SimulationError, kept_alive
 from gvla2.geometry.exchange import read_only
 from gvla2.geometry.views import Observation
 from gvla2.memory.admission import answer_of, verdict_of
@@ -135,15 +131,6 @@ class SilentListener(EpisodeListener):
         """Whether a subclass uses them."""
         return type(self).frame is not SilentListener.frame
 
-    def begin(self, stage: Stage) -> None:
-        """Nothing."""
-
-    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
-        """Nothing."""
-
-    def frame(self, image: NDArray[np.uint8]) -> None:
-        """Nothing."""
-
 
 _SILENT = SilentListener()
 
@@ -164,7 +151,19 @@ def run_episode(
         seed=request.seed,
         choices=components.choices,
     )
-    counted = _counting(components.language)
+    language = components.language
+    before = language.ledger.totals() if language is not None else {}
+
+    def counted(stages: _Stages) -> _Stages:
+        """Stages that note in their record the model's cost in this episode."""
+        if language is None:
+            return stages
+        costs = language.ledger.totals
+        return tuple(
+            (stage, lambda r, run=function: replace(run(r), language=costs(before)))
+            for stage, function in stages
+        )
+
     once: _Stages = (
         ("observe", lambda r: _observe(r, components, request, listener)),
         ("perceive", lambda r: _perceive(r, components)),
@@ -207,20 +206,6 @@ def _to_the_end(
             return stop_at_limit(record, max_parts)
         record = _go_through(stages, next_part(record), listener)
     return record
-
-
-def _counting(language: LanguageModel | None) -> Callable[[_Stages], _Stages]:
-    """Stages that note in their record the model's cost from now on."""
-    if language is None:
-        return lambda stages: stages
-    ledger, before = language.ledger, language.ledger.totals()
-
-    def counting(
-        function: Callable[[EpisodeRecord], EpisodeRecord],
-    ) -> Callable[[EpisodeRecord], EpisodeRecord]:
-        return lambda record: replace(function(record), language=ledger.totals(before))
-
-    return lambda stages: tuple((stage, counting(function)) for stage, function in stages)
 
 
 def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> EpisodeRecord:

@@ -56,7 +56,7 @@ class PlannerWithFallback:
         plan.
         """
         try:
-            record = self._planned(record, self.first)
+            record = replace(record, plan=self._ask(record, self.first))
             refusal = record.planned.plan.abstention
             why = f"declined ({refusal.kind}): {refusal.message}" if refusal and refusal.gives_way else ""
         except _FAILED as error:
@@ -72,81 +72,57 @@ class PlannerWithFallback:
 
     def check(self, record: EpisodeRecord) -> EpisodeRecord:
         """Check the plan; on findings ask its planner once more with them, then the fallback."""
-        fallback, author = self.fallback, self.first
-        if fallback is not None and record.planned.plan.fallback == fallback.name:
-            author = fallback
-        record, report, may_fall_back = self._checked(record, author)
-        if may_fall_back and fallback is not None and author is not fallback:
-            why = f"was rejected twice: {' '.join(report.reasons)}"
+        report, first, other = check_plan(record, self.arm), record.planned.plan, self.fallback
+        author = self.first
+        if other is not None and first.fallback == other.name:
+            author, other = other, None
+        if not report.passed:
+            rejected = f"plan was rejected ({'; '.join(report.reasons)})"
             try:
-                other = self._stepped_in(record, fallback, why)
+                again = self._ask(record, author, report.reasons)
             except _FAILED as error:
-                record = _noted(record, f"The fallback planner failed: {error}")
+                if other is None:
+                    raise
+                record = _noted(record, f"The {rejected}; asked again, the planner failed: {error}")
             else:
-                refusal = other.planned.plan.abstention
+                refusal = again.abstention
+                if refusal is not None:
+                    other = other if refusal.gives_way else None
+                    answer = f"asked again, the planner declined: {refusal.message}"
+                    record = _noted(record, f"The {rejected}; {answer}")
+                else:
+                    record = replace(record, plan=replace(again, fallback=first.fallback))
+                    record = _noted(record, f"The first {rejected} and the planner asked again.")
+                    report = check_plan(record, self.arm)
+        if not report.passed and other is not None:
+            try:
+                stepped = self._stepped_in(record, other, f"was rejected twice: {' '.join(report.reasons)}")
+                refusal = stepped.planned.plan.abstention
                 if refusal is None:
-                    record, report, _ = self._checked(other, fallback)
+                    record, report = stepped, check_plan(stepped, self.arm)
                 else:  # the rejected plan stays
                     note = f"The fallback planner declined ({refusal.kind}): {refusal.message}"
-                    record = _noted(replace(record, notes=other.notes), note)
+                    record = _noted(replace(record, notes=stepped.notes), note)
+            except _FAILED as error:
+                record = _noted(record, f"The fallback planner failed: {error}")
         record = replace(record, checks=report)
         if not report.passed:
             return replace(record, failure=Failure("check", "rejected", " ".join(report.reasons)))
         return record
 
-    def _checked(
-        self, record: EpisodeRecord, author: NamedPlanner
-    ) -> tuple[EpisodeRecord, CheckReport, bool]:
-        """The plan's report (the second plan's if the first was rejected), and whether the fallback may try."""
-        report = check_plan(record, self.arm)
-        if report.passed:
-            return record, report, False
-        first, reasons = record.planned.plan, report.reasons
-        try:
-            again = self._ask(record, author, reasons, first)
-        except _FAILED as error:
-            if self.fallback is None or author is self.fallback:
-                raise
-            note = f"The plan was rejected; asked again, the planner failed: {error}"
-            return _noted(record, note), report, True
-        if again.abstention is not None:
-            answer = f"asked again, the planner declined: {again.abstention.message}"
-            record = _noted(record, f"The plan was rejected ({'; '.join(reasons)}); {answer}")
-            return record, report, again.abstention.gives_way
-        again = replace(again, fallback=again.fallback or first.fallback)
-        note = f"The first plan was rejected ({'; '.join(reasons)}) and the planner asked again."
-        record = _noted(replace(record, plan=again), note)
-        report = check_plan(record, self.arm)
-        return record, report, not report.passed
-
-    def _planned(self, record: EpisodeRecord, planner: NamedPlanner) -> EpisodeRecord:
-        plan = self._ask(record, planner)
-        if plan.fallback:
-            record = _noted(record, f"The planner '{plan.fallback}' stepped in.")
-        return replace(record, plan=plan)
-
     def _stepped_in(self, record: EpisodeRecord, fallback: NamedPlanner, why: str) -> EpisodeRecord:
         """The record with the fallback's plan; the previous planner's conversation is kept."""
         earlier = record.plan.transcript if record.plan is not None else ()
         note = f"The planner '{self.first.name}' {why} The fallback planner '{fallback.name}' stepped in."
-        record = _noted(replace(record, plan=None), note)
         try:
-            record = self._planned(record, fallback)
+            plan = self._ask(record, fallback)
         except _FAILED as error:
-            late = isinstance(error, PlannerTimeoutError)
-            kind = PlannerTimeoutError if late else PlanningError
+            kind = PlannerTimeoutError if isinstance(error, PlannerTimeoutError) else PlanningError
             raise kind(f"{note} It failed too: {error}") from error
-        plan = record.planned.plan
         plan = replace(plan, fallback=fallback.name, transcript=(*earlier, *plan.transcript))
-        return replace(record, plan=plan)
+        return _noted(replace(record, plan=plan), note)
 
-    def _ask(
-        self,
-        record: EpisodeRecord,
-        asked: NamedPlanner,
-        rejections: tuple[str, ...] = (),
-        rejected: Plan | None = None,
-    ) -> Plan:
+    def _ask(self, record: EpisodeRecord, asked: NamedPlanner, rejections: tuple[str, ...] = ()) -> Plan:
         seen = record.seen
         request = PlanRequest(
             instruction=record.instruction,
@@ -158,7 +134,6 @@ class PlannerWithFallback:
             advice=advice_for(record, self.skills),
             rejections=rejections,
             skills=self.skills,
-            rejected=rejected,
         )
         return ask(asked.planner, request, asked.name, self.seconds)
 

@@ -6,13 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
-from gvla2.errors import (
-    Gvla2Error,
-    PerceptionError,
-    PlannerTimeoutError,
-    PlanningError,
-    SimulationError,
-)
+from gvla2.errors import Gvla2Error, PerceptionError, PlannerTimeoutError, PlanningError, SimulationError
 from gvla2.geometry.views import Observation
 from gvla2.language.contracts import ModelUnavailableError, Tally
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
@@ -24,18 +18,9 @@ from gvla2.robot.backend import SuccessCheck
 from gvla2.robot.report import AbortCode, ExecutionReport
 
 Stage = Literal[
-    "setup",
-    "observe",
-    "perceive",
-    "reconstruct",
-    "recall",
-    "plan",
-    "check",
-    "execute",
-    "verify",
-    "learn",
+    "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn",
     "success_check",
-]
+]  # fmt: skip
 
 
 FailureKind = Literal[

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.branch import BranchComponents, refine_geometry
-from gvla2.reconstruction.contracts import Reconstruction, Reconstructor
+from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.options import BranchOptions
 
 REFERENCE = "baseline"
@@ -140,15 +140,8 @@ class Drift:
         return replace(g0, gaussians=gaussians, mesh=mesh)
 
 
-@dataclass(frozen=True)
-class AblationComponents(BranchComponents):
-    """The components that a bench runs with: the branch's, and what makes G0."""
-
-    reconstructor: Reconstructor
-
-
 def refined_row(
-    variant: str, g0: Reconstruction, views: Views, components: AblationComponents, options: BranchOptions
+    variant: str, g0: Reconstruction, views: Views, components: BranchComponents, options: BranchOptions
 ) -> tuple[Reconstruction, dict[str, Any]]:
     """A row's reconstruction from a (drifted) G0, and its notes."""
     switches = VARIANTS[variant]

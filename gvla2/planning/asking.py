@@ -10,7 +10,7 @@ from dataclasses import is_dataclass, replace
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from gvla2.errors import ConformanceError, Gvla2Error, PerceptionError, PlannerTimeoutError, PlanningError
+from gvla2.errors import ConformanceError, PerceptionError, PlannerTimeoutError, PlanningError
 from gvla2.geometry.exchange import read_only, require, require_array, require_rigid, require_type
 from gvla2.geometry.views import Observation
 from gvla2.planning.contracts import Perceiver, Plan, Planner, PlanRequest
@@ -65,12 +65,7 @@ def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0)
     Raises :class:`PlannerTimeoutError` when ``name`` does not answer within ``seconds`` (0 waits for ever), and
     :class:`PlanningError` for an answer that is not a plan. The checks decide whether the plan is good.
     """
-    try:
-        plan = within(seconds, lambda: planner.plan(request))
-    except DeadlineError:
-        raise PlannerTimeoutError(
-            f"The planner '{name}' gave no answer within {seconds:g} s; planner_timeout=SECONDS waits longer."
-        ) from None
+    plan = _within(seconds, lambda: planner.plan(request), name)
     if problem := fault_of_plan(plan):
         raise PlanningError(f"The planner '{name}' returned {problem}.")
     return plan
@@ -138,12 +133,8 @@ def _finite(value: object) -> bool:
     return math.isfinite(float(value))
 
 
-class DeadlineError(Gvla2Error):
-    """The time limit was reached before an answer."""
-
-
-def within(seconds: float, function: Callable[[], T]) -> T:
-    """The result of ``function``; raises :class:`DeadlineError` when it takes longer. 0 waits for ever.
+def _within(seconds: float, function: Callable[[], T], name: str) -> T:
+    """The result of ``function``; raises :class:`PlannerTimeoutError` when it takes longer. 0 waits for ever.
 
     With a limit, the function runs in a thread of its own; when the limit is reached, that thread is abandoned, and
     interrupted as soon as it executes Python code.
@@ -164,9 +155,10 @@ def within(seconds: float, function: Callable[[], T]) -> T:
     thread.join(seconds)
     if failed:
         raise failed[0]
-    if not answer:
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(
-            ctypes.c_ulong(thread.ident or 0), ctypes.py_object(SystemExit)
-        )
-        raise DeadlineError(f"There was no answer within {seconds:g} s.")
-    return answer[0]
+    if answer:
+        return answer[0]
+    ident, exit_ = ctypes.c_ulong(thread.ident or 0), ctypes.py_object(SystemExit)
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ident, exit_)
+    raise PlannerTimeoutError(
+        f"The planner '{name}' gave no answer within {seconds:g} s; planner_timeout=SECONDS waits longer."
+    )

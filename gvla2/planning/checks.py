@@ -69,14 +69,9 @@ def check_schema(trajectory: Trajectory, scene: Scene) -> list[Finding]:
     """Count, well-formed waypoints, ids that exist."""
     found = Findings("schema", trajectory)
     n = len(trajectory)
-    if n < MIN_WAYPOINTS:
-        found.fail(
-            -1, "too_few_waypoints", f"{n} waypoint(s); give at least {MIN_WAYPOINTS}.", n, MIN_WAYPOINTS
-        )
-    if n > MAX_WAYPOINTS:
-        found.fail(
-            -1, "too_many_waypoints", f"{n} waypoints; give at most {MAX_WAYPOINTS}.", n, MAX_WAYPOINTS
-        )
+    what = "the number of waypoints"
+    found.least(-1, "too_few_waypoints", what, n, MIN_WAYPOINTS, "add one")
+    found.most(-1, "too_many_waypoints", what, n, MAX_WAYPOINTS, "leave some out")
     known = {o.id for o in scene.objects}
     for i, w in enumerate(trajectory):
         if not w.stage:

@@ -68,19 +68,6 @@ names that people use. Below the brightness ``DARK`` a colour loses its saturati
 BETWEEN, LEEWAY = 25.0, 2.2
 """A colour that is further from every word is between them: a word up to ``LEEWAY`` times as far may be meant."""
 
-_SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
-_WHITE = _SRGB_TO_XYZ.sum(axis=1)
-
-
-def lab(rgb: ArrayLike) -> FloatArray:
-    """CIELAB (..., 3) under D65 of sRGB (..., 3) in [0, 1]; L in [0, 100]."""
-    values = np.clip(np.asarray(rgb, dtype=np.float64), 0.0, 1.0)
-    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    xyz = linear @ _SRGB_TO_XYZ.T / _WHITE
-    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
-    x, y, z = f[..., 0], f[..., 1], f[..., 2]
-    return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)
-
 
 def appearance(rgb: ArrayLike) -> FloatArray:
     """Coordinates (..., 3) in which Euclidean distance measures how different two surfaces (sRGB (..., 3)) look.
@@ -89,7 +76,10 @@ def appearance(rgb: ArrayLike) -> FloatArray:
     stay: they give hue and saturation under any shading. Lightness comes third, weighted down. A difference of about 10
     is obvious to a person, one of 25 is not hidden by shading.
     """
-    L, a, b = np.moveaxis(lab(rgb), -1, 0)
+    from skimage.color import rgb2lab
+
+    values = np.clip(np.asarray(rgb, dtype=np.float64), 0.0, 1.0)
+    L, a, b = np.moveaxis(rgb2lab(values.reshape(1, -1, 3)).reshape(values.shape), -1, 0)
     return np.stack([100.0 * a / (L + 16.0), 100.0 * b / (L + 16.0), LIGHTNESS_WEIGHT * L], axis=-1)
 
 

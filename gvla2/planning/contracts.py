@@ -60,7 +60,7 @@ class PlanRequest:
 
     ``observation`` is the scene's source, for planners that use images. ``skills`` is the table of skills that any
     planner may call, plugins' included (empty: the standard ones). ``rejections`` are sentences from the checks about
-    this planner's last answer, on a second try, and ``rejected`` is that answer, if it was a plan.
+    this planner's last answer, on a second try.
     """
 
     instruction: str
@@ -72,7 +72,6 @@ class PlanRequest:
     advice: Advice = Advice()
     rejections: tuple[str, ...] = ()
     skills: Mapping[str, Skill] = field(default_factory=dict)
-    rejected: Plan | None = None
 
 
 class Planner(Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from gvla2.planning.trajectory import Trajectory
+from gvla2.planning.trajectory import Trajectory, WaypointFault
 
 TABLE_MARGIN = 0.003
 """Gap between the fingertips' end and the table, where touching it is not allowed."""
@@ -35,8 +35,7 @@ FindingKind = Literal[
     "",
     "unchecked",
     # schema
-    "too_few_waypoints", "too_many_waypoints", "no_stage", "unknown_object", "bad_motion", "not_finite",
-    "not_positive", "negative", "bad_guard", "bad_orientation",
+    "too_few_waypoints", "too_many_waypoints", "no_stage", "unknown_object", WaypointFault,
     # workspace
     "outside_workspace", "table_margin", "segment_too_long", "too_fast",
     # gripper
@@ -97,11 +96,10 @@ class Findings:
             self.fail(index, kind, f"{what} is {value:.3g}, below {limit:.3g}; {advice}.", value, limit)
         return value >= limit - EPS
 
-    def most(self, index: int, kind: FindingKind, what: str, value: float, limit: float, advice: str) -> bool:
-        """As :meth:`least`, for a value that must not be above its limit."""
+    def most(self, index: int, kind: FindingKind, what: str, value: float, limit: float, advice: str) -> None:
+        """A fault if a value is above its limit."""
         if value > limit + EPS:
             self.fail(index, kind, f"{what} is {value:.3g}, above {limit:.3g}; {advice}.", value, limit)
-        return value <= limit + EPS
 
     def or_passed(self, message: str) -> list[Finding]:
         """All faults, or the one finding of a check that found none."""

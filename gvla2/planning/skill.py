@@ -344,12 +344,7 @@ def fault_of(offered: object) -> str:
     if not all(map(callable, (offered.propose, offered.defaults))):
         return f"'{name}' has a propose or defaults that cannot be called."
     known = {p.name for p in offered.parameters}
-    for used in (
-        *offered.key,
-        *offered.scaled,
-        *offered.lasting,
-        *([offered.amount] if offered.amount else []),
-    ):
-        if used not in known:
-            return f"'{name}' refers to '{used}', which is not among its parameters: {', '.join(known) or 'none'}."
+    used = {*offered.key, *offered.scaled, *offered.lasting, offered.amount} - {"", *known}
+    if used:
+        return f"'{name}' refers to {', '.join(map(repr, used))}; its parameters are {', '.join(known) or 'none'}."
     return "" if offered.description else f"'{name}' has no description, by which planners choose skills."

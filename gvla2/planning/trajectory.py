@@ -17,6 +17,7 @@ MIN_WAYPOINTS, MAX_WAYPOINTS = 2, 20
 WaypointFault = Literal[
     "bad_motion", "not_finite", "not_positive", "negative", "bad_guard", "bad_orientation"
 ]
+"""What may be wrong with a waypoint by itself, a stable word."""
 
 
 @dataclass(frozen=True)

@@ -37,12 +37,12 @@ HOOK_MARGIN = 0.005
 """Change of the depth of a hook, metres."""
 PULL_TOLERANCE, PULL_MARGIN = 0.02, 0.05
 """Tolerance of a pull, and the largest change of its distance after one failure, metres."""
+PUSH_TOLERANCE = 0.01
+"""Tolerance of a push, metres from the goal's centre."""
 IN_PLACE = 0.02
 """An object found this close to its earlier place has not moved, metres."""
 HELD_FAST = 0.01
 """A pulled object that moved by less did not move at all, metres."""
-PUSH_TOLERANCE = 0.01
-"""Tolerance of a push, metres from the goal's centre."""
 
 
 def of_open(outcome: Outcome) -> Signal | None:

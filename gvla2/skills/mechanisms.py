@@ -28,8 +28,6 @@ SLIM = 0.02
 """Greatest thickness of a handle, metres."""
 BESIDE = 0.004
 """Points of a drawer farther than this from its handle, across the way out, are its front's, metres."""
-BEFORE = 0.10
-"""Greatest gap between a handle and the face that it belongs to, metres."""
 CLOSED = 0.15
 """A lid tilted by less is closed, radians."""
 
@@ -126,7 +124,7 @@ def slides(scene: Scene) -> list[Slide]:
     for handle in (obj for obj in scene.objects if obj.id not in kin):
         if handle.extents.min() > SLIM or not is_handle(handle):
             continue
-        front = scene.whole_of(handle) or _behind(handle, scene)
+        front = scene.whole_of(handle)
         if front is None or is_lid(front, scene):
             continue
         body = scene.whole_of(front)
@@ -195,22 +193,6 @@ def _outward(handle: SceneObject, ref: SceneObject) -> FloatArray | None:
     shift = handle.centre - ref.centre
     faces = ref.upright_faces()
     return max(faces, key=lambda way: float(shift @ way) - ref.half_along(way), default=None)
-
-
-def _behind(handle: SceneObject, scene: Scene) -> SceneObject | None:
-    """The object with an upright face right behind a handle that is not known to be a part."""
-    best, nearest = None, BEFORE
-    for obj in scene.obstacles(frozenset({handle.id})):
-        way = _outward(handle, obj)
-        if way is None or obj.extents.max() < handle.extents.max():
-            continue
-        shift = handle.centre - obj.centre
-        gap = float(shift @ way) - obj.half_along(way) - handle.half_along(way)
-        aside = np.cross(UP, way)
-        beside = abs(shift @ aside) >= obj.half_along(aside)
-        if not beside and obj.bottom < handle.centre[2] < obj.top + 0.01 and gap < nearest:
-            best, nearest = obj, gap
-    return best
 
 
 def hinge_for(obj: SceneObject, scene: Scene) -> Hinge | None:

@@ -59,18 +59,12 @@ LEVEL = 0.05
 class PathPoint:
     """One point of the hand's path: ``xyz`` of the tool, world metres, and the ``gripper``'s opening in [0, 1].
 
-    ``at`` is the id of the object that the point was written for, or "". Raises :class:`ValueError` for numbers that
-    are not finite.
+    ``at`` is the id of the object that the point was written for, or "".
     """
 
     xyz: tuple[float, float, float]
     gripper: float
     at: str = ""
-
-    def __post_init__(self) -> None:
-        numbers = (*self.xyz, self.gripper)
-        if not all(map(math.isfinite, numbers)):
-            raise ValueError(f"A point of the path has a number that is not finite: {numbers}.")
 
     @property
     def closed(self) -> bool:
@@ -284,8 +278,11 @@ def _along(
     here = draw_out(job, path, grasp)
     clear = max(job.rise - float(here[2] - grasp.centre[2]), 0.0)
     end = len(points) if opened is None else opened
-    while opened is not None and end > at + 1 and _released_at(points[end - 1].array, points[opened].array):
-        end -= 1  # putting down leads there, and knows what may be touched
+    while opened is not None and end > at + 1:
+        off = points[end - 1].array - points[opened].array
+        if float(np.linalg.norm(off[:2])) >= CENTRED or off[2] >= LOWERED:
+            break
+        end -= 1  # the release itself: putting down leads there, and knows what may be touched
     for k, point in enumerate(points[at + 1 : end]):
         there = np.minimum(point.array, [np.inf, np.inf, job.ceiling()])
         if k == 0 and opened is None and at + 2 == end:
@@ -303,11 +300,6 @@ def _along(
     how = grasp.description + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     cost = TURNED * (turn != 0.0)
     return Proposal(how, grasp.approaches, preference - cost, path.trajectory())
-
-
-def _released_at(point: FloatArray, spot: FloatArray) -> bool:
-    """Whether a point is the place of the release itself, and no more than lowered there."""
-    return float(np.linalg.norm((point - spot)[:2])) < CENTRED and float(point[2] - spot[2]) < LOWERED
 
 
 def _let_go(

@@ -10,9 +10,8 @@ from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from gvla2.planning.calls import OPTION_RANGES
-from gvla2.planning.skill import Parameter, Role, Skill
-from gvla2.skills.parameters import defaults
+from gvla2.planning.skill import Role, Skill
+from gvla2.skills.parameters import PARAMETERS, defaults
 
 if TYPE_CHECKING:
     from gvla2.planning.arm import Hand
@@ -22,35 +21,6 @@ if TYPE_CHECKING:
 
 _SIDES = ("beside", "left_of", "right_of", "behind", "front_of")
 _ONTO = ("on", "in", "to", *_SIDES)
-
-_PARAMETERS: Mapping[str, tuple[str, str, float, float]] = {
-    "standoff": ("m", "gap between hand and object before the last, straight part", 0.0, 0.2),
-    "approach_tilt": ("rad", "lean of the approach from straight down", 0.0, 1.57),
-    "grasp_depth": ("m", "from the top (or front) of the object to the tool", 0.0, 0.3),
-    "grasp_fraction": ("", "where along its longer side it is grasped, 0 to 1", 0.0, 1.0),
-    "lift_height": ("m", "how far it is lifted", *OPTION_RANGES["lift_height"][:2]),
-    "transit_clearance": ("m", "gap between what is carried and the highest object", 0.0, 0.3),
-    "place_height": ("m", "gap under the object when the hand opens", 0.0, 0.1),
-    "turn": ("rad", "by how much a cap is turned, against the clock from above", -6.28, 6.28),
-    "insert_depth": ("m", "how far the hole goes over a post before release", 0.0, 0.2),
-    "push_height": ("m", "gap between fingertips and table while pushing", 0.0, 0.2),
-    "push_overshoot": ("m", "how far beyond the goal it is pushed", -0.1, 0.1),
-    "press_depth": ("m", "how far below a button's top the fingertips go", 0.0, 0.03),
-    "press_seconds": ("s", "how long a button is held down", 0.0, 5.0),
-    "lip_depth": ("m", "how far inside a lid's free edge it is grasped", 0.0, 0.03),
-    "open_angle": ("rad", "how far a lid is swung open, from closed", 0.2, 3.0),
-    "hook_depth": ("m", "how far below a lid's free edge the fingers hook", 0.0, 0.05),
-    "let_go_angle": ("rad", "opening from which a lid falls shut by itself", 0.0, 2.0),
-    "pull_distance": ("m", "how far it is pulled (or drawn beyond being free)", 0.0, 0.4),
-    "unlatch_lift": ("m", "how far a handle is lifted, held, before it is pulled", 0.0, 0.04),
-    "end_distance": ("m", "how far from its free end it is held", 0.0, 0.1),
-    "speed": ("m/s", "of the tool in the open", *OPTION_RANGES["speed"][:2]),
-    "contact_speed": ("m/s", "of the tool where it touches", *OPTION_RANGES["contact_speed"][:2]),
-}  # fmt: skip
-PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
-    {n: Parameter(n, *about) for n, about in _PARAMETERS.items()}
-)
-"""All parameters of the standard skills, by name."""
 
 _GRASP = ("standoff", "approach_tilt", "grasp_depth", "grasp_fraction")
 _CARRY = ("transit_clearance", "place_height")

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
+from typing import Any
+
+import numpy as np
 
 from gvla2.errors import PlanningError
-from gvla2.language import LanguageModel, Message
+from gvla2.language import LanguageModel, Message, json_in
 from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.programs import adapted, remembered, waypoints_program
+from gvla2.planning.scene import Scene
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.skills.model_planning import ask_for_plan, instruction_in, nothing_to_ask, rejected_answer
-from gvla2.skills.path_lifting import MOST_POINTS, lift
+from gvla2.skills.model_planning import ask_for_plan, instruction_in, nothing_to_ask, rejection
+from gvla2.skills.path_lifting import MOST_POINTS, PathPoint, lift
 from gvla2_plugins.agent3d import Agent3dConfig
-from gvla2_plugins.agent3d.waypoints import Step, grammar, path_of, read_steps, written
 
 EXAMPLE = (
     "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",
@@ -24,6 +28,10 @@ EXAMPLE = (
     '["white_bowl",0,0,100,0],["white_bowl",0,0,20,1]]',
 )
 """Objects, task and answer."""
+FARTHEST = 1000.0
+"""Largest offset, millimetres."""
+Step = Sequence[Any]
+"""``[name, dx, dy, up, g]`` or ``[name, other, along, up, g]``, millimetres."""
 Shown = tuple[str, tuple[Step, ...]]
 """The task and the steps of a remembered path, with the names and lengths of the present scene."""
 
@@ -48,7 +56,7 @@ class Agent3d:
         names, most = list(brief.ids), max((len(steps) + 1 for _, steps in known), default=MOST_POINTS)
         return ask_for_plan(
             self._language,
-            [*messages(request, brief, known), *rejected_answer(request, brief)],
+            messages(request, brief, known),
             lambda text: self._lifted(read_steps(text, brief.ids), brief, request),
             named=lambda reason: brief.named(reason, request.scene),
             tries=config.tries,
@@ -104,9 +112,73 @@ def messages(request: PlanRequest, brief: SceneBrief, known: Sequence[Shown]) ->
             {"role": "user", "content": _question(seen, task)},
             {"role": "assistant", "content": answer},
         ]
-    words = filter(None, (remembered(request.advice.text), _question(objects, instruction_in(request))))
+    before = rejection(request, lambda reason: brief.named(reason, request.scene))
+    words = filter(
+        None, (remembered(request.advice.text), before, _question(objects, instruction_in(request)))
+    )
     return [*asked, {"role": "user", "content": "\n".join(words)}]
 
 
 def _question(objects: str, task: str) -> str:
     return f"Objects (name, length x width x height in mm):\n{objects}\nTask: {task}"
+
+
+def read_steps(text: str, ids: Mapping[str, str]) -> list[Step]:
+    """The waypoints of an answer, with names as written. Raises :class:`ValueError` with a sentence for the model."""
+    found = json_in(text)
+    if isinstance(found, dict):
+        found = next((v for v in found.values() if isinstance(v, list)), None)
+    if not isinstance(found, list) or not found or not all(isinstance(s, list) for s in found):
+        raise ValueError("It is not a list of waypoints, each a list.")
+    if len(found) > MOST_POINTS:
+        raise ValueError(f"It has {len(found)} waypoints; {MOST_POINTS} at most can be executed.")
+    return [_checked(step, ids) for step in found]
+
+
+def _checked(step: list[Any], ids: Mapping[str, str]) -> Step:
+    shown = json.dumps(step)[:80]
+    if len(step) != 5:
+        raise ValueError(f"{shown} is not a waypoint: it needs five elements.")
+    towards = isinstance(step[1], str)
+    names, numbers = step[: 1 + towards], step[1 + towards :]
+    for name in names:
+        if not isinstance(name, str) or name not in ids:
+            raise ValueError(f"There is nothing called {json.dumps(name)[:80]}; there are {', '.join(ids)}.")
+    if towards and names[0] == names[1]:
+        raise ValueError(f"{names[0]} is not on the way to itself.")
+    if not all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers):
+        raise ValueError(f"{shown} has an element that is neither a name nor a number.")
+    if not all(abs(n) <= FARTHEST for n in numbers) or not 0 <= numbers[-1] <= 1:
+        raise ValueError(f"{shown} has a number out of range: millimetres, and g from 0 to 1.")
+    return step
+
+
+def written(steps: Sequence[Step]) -> str:
+    """Waypoints as an answer has them."""
+    return json.dumps(steps, separators=(",", ":"))
+
+
+def path_of(steps: Sequence[Step], ids: Mapping[str, str], scene: Scene) -> list[PathPoint]:
+    """The points of the hand's path, world metres."""
+    points = []
+    for name, second, third, up, g in steps:
+        first = scene[ids[name]]
+        if isinstance(second, str):
+            direction = (scene[ids[second]].centre - first.centre)[:2]
+            offset = 1e-3 * third * direction / max(float(np.linalg.norm(direction)), 1e-9)
+        else:
+            offset = 1e-3 * np.array([second, third])
+        x, y = (float(v) for v in first.centre[:2] + offset)
+        points.append(PathPoint((x, y, first.top + 1e-3 * up), float(g), first.id))
+    return points
+
+
+def grammar(names: Sequence[str], *, max_points: int = MOST_POINTS) -> str:
+    """llama.cpp's grammar of an answer: a plain list, which takes the fewest tokens, of at most ``max_points``."""
+    lines = (
+        f'root ::= "[" point ("," point){{1,{max(2, max_points) - 1}}} "]"',
+        'point ::= "[" name "," ((int "," int) | (name "," int)) "," int "," [01] "]"',
+        f"name ::= {' | '.join(json.dumps(json.dumps(n)) for n in names)}",
+        'int ::= "-"? [0-9]{1,3}',
+    )
+    return "\n".join(lines) + "\n"

@@ -20,7 +20,6 @@ RANGES = {
     "longest": (64, 4096, "pixels"),  # below, details are lost; above, servers refuse
     "scale": (0.001, 1_000_000, ""),
     "tries": (1, 1000, ""),
-    "agreement": (0.001, 1, ""),
 }
 
 
@@ -28,17 +27,14 @@ RANGES = {
 class RoboPointConfig(ComponentConfig):
     """Options of the ``robopoint`` planner; the run's ``language`` must accept images.
 
-    ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is the range of the model's coordinates: 1
-    as published, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most ``longest`` pixels. After an
-    unusable answer the model is asked again, with the reason, ``tries`` times in all. ``agreement`` is the share of
-    points that must lie on one object to select it.
+    The first camera's picture is shown. ``scale`` is the range of the model's coordinates: 1 as published, 1000 for
+    Qwen3-VL or Gemini. The picture's longer side is at most ``longest`` pixels. After an unusable answer the model is
+    asked again, with the reason, ``tries`` times in all.
     """
 
-    camera: str = ""
     scale: float = 1.0
     longest: int = 1024
     tries: int = 3
-    agreement: float = 0.5
 
     def __post_init__(self) -> None:
         check_ranges(self, "planner", RANGES)

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import ast
+import io
+import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from PIL import Image
 
 from gvla2.errors import PlanningError
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import View
 from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed, json_in, picture
 from gvla2.planning.calls import RELATIONS, Relation, SkillCall
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.scene import Scene
 from gvla2.planning.skill import Skill
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.model_planning import context, instruction_in, nothing_to_ask
 from gvla2.skills.table import STANDARD
-from gvla2_plugins.robopoint.pointing import Sighting, encoded, read_points, sight, view_of
 
 if TYPE_CHECKING:
     from gvla2_plugins.robopoint import RoboPointConfig
@@ -35,10 +41,23 @@ BESIDES = {
     "behind": "behind", "front_of": "in front of",
 }  # fmt: skip
 """Relations whose goal is a free place, in the model's training words."""
+AGREEMENT = 0.5
+"""Share of the points that must lie on one object, or on the free table, to select it."""
 LEVEL = 0.02
 """Points on the table are within this of its height, metres."""
 LONGEST = 80
 """Maximum number of characters of an object's name."""
+MAX_POINTS = 200
+"""Maximum number of points in an answer; more mean that the model is repeating itself."""
+MAX_CHARACTERS = 20_000
+AGREE = 0.01
+"""Neighbouring depths that differ by less lie on one surface, metres."""
+NEIGHBOURS = 9
+"""Number of valid pixels used for a depth: a patch of 3 by 3 if none is missing."""
+REACH = 12
+"""Where depth is missing, it is taken from at most this many pixels away."""
+
+_LIST = re.compile(r"\[\s*\([^\[\]]*\]")
 
 
 @dataclass(frozen=True)
@@ -61,93 +80,93 @@ class RoboPointPlanner:
         """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` if no model answers."""
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
-        asking = _Asking(self.config, self._language, request)
+        said: list[Mapping[str, Any]] = []
+
+        def ask(content: Any, parse: Callable[[str], T]) -> T:
+            asked: list[Message] = [{"role": "user", "content": content}]
+            tries = self.config.tries
+            found = ask_typed(self._language, asked, parse, purpose="plan", tries=tries)
+            said.extend(found.transcript)
+            return found.answer
+
         try:
-            found = asking.call()
+            plan = carry_out((self._call(request, ask),), request)
+        except _RefusedError as refused:
+            plan = Plan(None, abstention=refused.abstention)
         except (PlanningError, UnusableAnswerError) as error:
-            found = Abstention("other", str(error))
-            asking.said += getattr(error, "transcript", ())
-        if isinstance(found, Abstention):
-            return Plan(None, abstention=found, transcript=tuple(asking.said))
-        plan = carry_out((found,), request)
-        return replace(plan, transcript=(*asking.said, *plan.transcript))
+            said += getattr(error, "transcript", ())
+            plan = Plan(None, abstention=Abstention("other", str(error)))
+        return replace(plan, transcript=(*said, *plan.transcript))
 
+    def _call(self, request: PlanRequest, ask: Callable[[Any, Callable[[str], Any]], Any]) -> SkillCall:
+        """The skill call that the instruction and the picture give; raises :class:`_RefusedError`."""
+        skills, view = request.skills or STANDARD, request.observation.views[0]
 
-class _Asking:
-    """One request: its picture and conversation."""
-
-    def __init__(self, config: RoboPointConfig, language: LanguageModel, request: PlanRequest) -> None:
-        self.said: list[Mapping[str, Any]] = []
-        self._config, self._language, self._request = config, language, request
-        self._skills = request.skills or STANDARD
-
-    def call(self) -> SkillCall | Abstention:
-        """The skill call that the instruction and the picture give."""
-        request, skills = self._request, self._skills
-        words = "\n\n".join([*context(request), question(request, skills)])
-        asked: list[Message] = [{"role": "user", "content": words}]
-        task = self._ask(asked, lambda text: read_task(text, skills))
-        if task.skill == "none":
-            return Abstention("unknown_skill", f"None of {', '.join(skills)} was seen in the instruction.")
-        theme = self._object(task.theme)
-        goal: str | Abstention = ""
-        if task.goal and isinstance(theme, str) and task.relation not in BESIDES:
-            goal = self._object(task.goal)
-            if isinstance(goal, Abstention) and goal.kind == "nothing_matches" and skills[task.skill].free:
-                goal = ""  # a name that matches no perceived object may still be a place
-        for refusal in (theme, goal):
-            if isinstance(refusal, Abstention):
-                return refusal
-        if goal or not task.goal:
-            return SkillCall(task.skill, str(theme), goal=str(goal), relation=task.relation)
-        where = f"{BESIDES.get(task.relation, 'on')} the {task.goal}"
-        seen = self._point(f"Find some spots within the vacant space {where}.")
-        free = [s.point for s in seen if abs(s.point[2] - request.scene.table_height) < LEVEL]
-        if len(free) < self._config.agreement * len(seen):
-            return Abstention(
-                "no_goal", f"Where the model pointed for a place {where}, the table is not free."
+        def point(words: str) -> list[Sighting]:
+            text = "\n\n".join([*context(request), f"{words} {SUFFIX.format(scale=self.config.scale)}"])
+            shown = [picture(encoded(view, self.config.longest)), {"type": "text", "text": text}]
+            seen: list[Sighting] = ask(
+                shown, lambda text: sights(text, self.config.scale, view, request.scene)
             )
-        x, y = (float(v) for v in np.median(free, axis=0)[:2])
-        return SkillCall(task.skill, str(theme), xy=(x, y))
-
-    def _object(self, words: str) -> str | Abstention:
-        """The id of the object that most points lie on."""
-        seen = self._point(f"Locate several points on the {words}.")
-        votes = Counter(s.object for s in seen if s.object).most_common(2)
-        where = f"Where the model pointed for '{words}'"
-        if not votes:
-            return Abstention("nothing_matches", f"{where}, no object was perceived.")
-        (best, count), rest = votes[0], votes[1:]
-        if count < self._config.agreement * len(seen) or any(other == count for _, other in rest):
-            return Abstention("ambiguous", f"{where}, there are several objects, or none at most points.")
-        return best
-
-    def _point(self, words: str) -> list[Sighting]:
-        """The object or place where the model points."""
-        config, request = self._config, self._request
-        view = view_of(request.observation, config.camera)
-        text = "\n\n".join([*context(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
-        shown = [picture(encoded(view, config.longest)), {"type": "text", "text": text}]
-        asked: list[Message] = [{"role": "user", "content": shown}]
-
-        def parse(text: str) -> list[Sighting]:
-            seen, why = [], ""
-            for u, v in read_points(text, config.scale):
-                try:
-                    seen.append(sight(view, u, v, request.scene))
-                except PlanningError as error:
-                    why = str(error)
-            if not seen:
-                raise ValueError(why)
             return seen
 
-        return self._ask(asked, parse)
+        words = "\n\n".join([*context(request), question(request, skills)])
+        task: PointingTask = ask(words, lambda text: read_task(text, skills))
+        if task.skill == "none":
+            message = f"None of {', '.join(skills)} was seen in the instruction."
+            raise _RefusedError(Abstention("unknown_skill", message))
+        theme = voted(task.theme, point(f"Locate several points on the {task.theme}."))
+        if not task.goal:
+            return SkillCall(task.skill, theme, relation=task.relation)
+        if task.relation not in BESIDES:
+            try:
+                goal = voted(task.goal, point(f"Locate several points on the {task.goal}."))
+                return SkillCall(task.skill, theme, goal=goal, relation=task.relation)
+            except _RefusedError as refused:  # a name that matches no perceived object may still be a place
+                if refused.abstention.kind != "nothing_matches" or not skills[task.skill].free:
+                    raise
+        where = f"{BESIDES.get(task.relation, 'on')} the {task.goal}"
+        seen = point(f"Find some spots within the vacant space {where}.")
+        free = [s.point for s in seen if abs(s.point[2] - request.scene.table_height) < LEVEL]
+        if len(free) < AGREEMENT * len(seen):
+            message = f"Where the model pointed for a place {where}, the table is not free."
+            raise _RefusedError(Abstention("no_goal", message))
+        x, y = (float(v) for v in np.median(free, axis=0)[:2])
+        return SkillCall(task.skill, theme, xy=(x, y))
 
-    def _ask(self, messages: Sequence[Message], parse: Callable[[str], T]) -> T:
-        found = ask_typed(self._language, messages, parse, purpose="plan", tries=self._config.tries)
-        self.said += found.transcript
-        answer: T = found.answer
-        return answer
+
+class _RefusedError(Exception):
+    """What the model says or points at gives no call."""
+
+    def __init__(self, abstention: Abstention) -> None:
+        super().__init__(abstention.message)
+        self.abstention = abstention
+
+
+def voted(words: str, seen: Sequence[Sighting]) -> str:
+    """The id of the object that most points for the ``words`` lie on; raises :class:`_RefusedError`."""
+    votes = Counter(s.object for s in seen if s.object).most_common(2)
+    where = f"Where the model pointed for '{words}'"
+    if not votes:
+        raise _RefusedError(Abstention("nothing_matches", f"{where}, no object was perceived."))
+    (best, count), rest = votes[0], votes[1:]
+    if count < AGREEMENT * len(seen) or any(other == count for _, other in rest):
+        message = f"{where}, there are several objects, or none at most points."
+        raise _RefusedError(Abstention("ambiguous", message))
+    return best
+
+
+def sights(text: str, scale: float, view: View, scene: Scene) -> list[Sighting]:
+    """What the points of an answer show, without those that show nothing; raises :class:`ValueError` if all do."""
+    seen, why = [], ""
+    for u, v in read_points(text, scale):
+        try:
+            seen.append(sight(view, u, v, scene))
+        except PlanningError as error:
+            why = str(error)
+    if not seen:
+        raise ValueError(why)
+    return seen
 
 
 def question(request: PlanRequest, skills: Mapping[str, Skill]) -> str:
@@ -176,3 +195,80 @@ def read_task(text: str, skills: Mapping[str, Skill]) -> PointingTask:
     if skill != "none" and not theme.strip():
         raise ValueError("'theme' is empty; name the object.")
     return PointingTask(skill, theme.removeprefix("the "), goal.removeprefix("the "), relation)
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """What a pixel shows: ``point`` (3,) in the world, metres, and the id of the ``object`` there, "" for none."""
+
+    point: FloatArray
+    object: str = ""
+
+
+def encoded(view: View, longest: int) -> bytes:
+    """The view's image as PNG with its longer side at most ``longest`` pixels; shares of the picture stay the same."""
+    image = Image.fromarray(np.asarray(view.image))
+    image.thumbnail((longest, longest), Image.Resampling.LANCZOS)
+    stream = io.BytesIO()
+    image.save(stream, "PNG")
+    return stream.getvalue()
+
+
+def read_points(text: str, scale: float = 1.0) -> tuple[tuple[float, float], ...]:
+    """The points (u, v) of an answer's one list, in shares of the picture; :class:`ValueError` with what is wrong.
+
+    A list is ``[(0.41, 0.52), ...]``, x to the right and y down, each from 0 to ``scale``. Text is parsed, never run.
+    """
+    if len(text) > MAX_CHARACTERS:
+        raise ValueError(f"The answer has {len(text)} characters; give the list alone.")
+    found = {*_LIST.findall(text)}
+    if len(found) > 1:
+        raise ValueError("There are several lists of points in the answer; give one.")
+    try:
+        points = [(float(u), float(v)) for u, v in ast.literal_eval("".join(found))]
+    except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError):
+        form = "[(0.41, 0.52), (0.38, 0.47)]"
+        raise ValueError(f"There is no list of points such as {form} in the answer.") from None
+    if not 1 <= len(points) <= MAX_POINTS:
+        raise ValueError(f"The list has more than {MAX_POINTS} points; give a few.")
+    for u, v in points:
+        if not (0.0 <= u <= scale and 0.0 <= v <= scale):
+            raise ValueError(
+                f"The point ({u:g}, {v:g}) lies outside the picture; coordinates are 0 to {scale:g}."
+            )
+    return tuple((u / scale, v / scale) for u, v in points)
+
+
+def sight(view: View, u: float, v: float, scene: Scene) -> Sighting:
+    """What is seen at the shares ``u`` and ``v`` of a picture's width and height, 1 being its last pixel.
+
+    Raises :class:`PlanningError` for a camera without depth, and if no depth was measured nearby. Pixels of the robot's
+    own arm count as not measured.
+    """
+    camera = view.camera
+    at = np.array([min(u * camera.width, camera.width - 0.5), min(v * camera.height, camera.height - 0.5)])
+    ray = camera.world_from_camera[:3, :3] @ np.linalg.solve(camera.K, np.array([*at, 1.0]))
+    point = np.asarray(camera.position + depth_at(view, *at) * ray)
+    return Sighting(point, scene.object_at(point))
+
+
+def depth_at(view: View, u: float, v: float) -> float:
+    """Metres along the camera's z at a pixel: the median of the nearest measured depths on one surface.
+
+    An isolated pixel (a flying pixel at an edge) is outvoted by its neighbours; one confirmed by some of them is used,
+    so that a thin handle is not mistaken for what lies behind it.
+    """
+    if view.depth is None:
+        raise PlanningError(f"The camera '{view.name}' measures no depth; choose one that does.")
+    known = np.isfinite(view.depth) & (view.depth > 0.0)
+    if view.robot_mask is not None:
+        known &= ~view.robot_mask
+    pixels = np.argwhere(known)  # (N, 2) rows and columns
+    off = np.linalg.norm(pixels + 0.5 - [v, u], axis=1)
+    near = pixels[np.argsort(off, kind="stable")[:NEIGHBOURS]][: np.count_nonzero(off <= REACH)]
+    if not len(near):
+        where = f"({u:.0f}, {v:.0f}) in the picture of '{view.name}'"
+        raise PlanningError(f"No depth was measured within {REACH} pixels of {where}.")
+    found = view.depth[tuple(near.T)].astype(np.float64)
+    beside = np.abs(found - found[0]) < AGREE
+    return float(np.median(found[beside] if beside.sum() >= min(3, len(found)) else found))

@@ -9,11 +9,10 @@ from typing import cast
 from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.colours import colour_distance
 from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest
-from gvla2.planning.part_hierarchy import button_of, is_ajar, knob_of, root_of
+from gvla2.planning.part_hierarchy import button_of, is_ajar, knob_of
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.carry_out import carry_out
-from gvla2.skills.grounding import Meant, meant, turned
-from gvla2.skills.multi_step import is_container
+from gvla2.skills.carry_out import carry_out, is_container
+from gvla2.skills.grounding import still_held, turned
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.grounding import Context, UngroundedError, ground, section, several
@@ -83,12 +82,8 @@ def _calls(reading: Reading, scene: Scene) -> tuple[SkillCall, ...]:
                     calls.pop()
             calls.append(call)
     for call, following in pairwise(calls):
-        what = meant(call, scene)
-        held = isinstance(what, Meant) and what.skill in ("pick", "twist", "draw") and not call.goal
-        held = held and scene[call.theme].joint is None  # a knob stays where it is
-        if held and root_of(scene[following.theme], scene) is not root_of(scene[call.theme], scene):
-            label = scene[call.theme].label
-            raise UngroundedError("other", f"The {label} would still be in the hand; ask for one at a time.")
+        if (refusal := still_held(call, following, scene)) is not None:
+            raise UngroundedError(refusal.kind, refusal.message)
     return tuple(calls)
 
 

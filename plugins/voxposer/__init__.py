@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from gvla2.planning.contracts import Planner
 
 COST = (0.001, 1_000_000, "")
-RANGES = {"voxel": (0.001, 0.2, "m"), "margin": (0.001, 1, "m"), "obstacles": COST, "avoidance": COST}
+# Finer voxels than a centimetre take seconds for each move.
+RANGES = {"voxel": (0.01, 0.2, "m"), "margin": (0.001, 1, "m"), "obstacles": COST, "avoidance": COST}
 
 
 @dataclass(kw_only=True)

@@ -8,8 +8,7 @@ import pytest
 from gvla2.planning.scene_brief import scene_brief
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.planner import worked_examples
-from gvla2_plugins.code_policies.programs import Declined, fitting, grammar, read_calls
+from gvla2_plugins.code_policies.planner import Declined, fitting, grammar, read_calls, worked_examples
 
 REQUEST = inputs.plan_request()
 FITS = fitting(REQUEST, STANDARD, scene_brief(REQUEST.scene))
@@ -38,7 +37,7 @@ def test_programs_make_calls(program, calls):
     ("program", "why"),
     [
         ("pick(red)\n" * 13, "12 calls"), ("#" * 5000, "characters"), ("", "calls no skill"),
-        ("pick(red, blue)", "no goal"), ("place(red, blue, red)", "got 3"), ("pick()", "got 0"),
+        ("pick(red, blue)", "no goal; it got 2"), ("place(red, blue, red)", "got 3"), ("pick()", "got 0"),
         ("pick(red, speed=3)", "does not take"), ("pick(*[red])", "cannot be an argument"),
         ("fly(red)", "no skill 'fly'"), ("open('/etc/passwd')", "not among the objects"),
     ],

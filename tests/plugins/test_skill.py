@@ -328,14 +328,6 @@ def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(senten
     assert all(w.gripper == 0.0 for w in made.trajectory)
 
 
-def test_a_lid_whose_edge_is_out_of_reach_is_pushed_from_beside():
-    made, given_ = asked("close the box", *box(2.618, 1.2, (0.10, 0.20)))
-    hinge = hinge_for(given_.scene["l"], given_.scene)
-    off = np.array([w.xyz for w in made.trajectory if w.stage == "push over"]) - hinge.origin
-    assert len(off) > 3
-    assert (np.abs(off @ hinge.axis) < 0.5 * hinge.breadth).all()  # behind the lid, not beside it
-
-
 def drawer(xy=(0.30, 0.15)):
     return (
         named("c", "azure cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),

@@ -16,8 +16,8 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Box, PartJoint, Scene, SceneObject
+from gvla2.skills.carry_out import first_part
 from gvla2.skills.grounding import Meant, meant
-from gvla2.skills.multi_step import first_part
 from gvla2_plugins.skill.planner import read
 from gvla2_plugins.skill.reading import Command, readings
 from gvla2_plugins.tabletop import gvla2_tasks
@@ -108,7 +108,7 @@ KITCHEN = scene(
 )
 def test_perceived_names_and_relations_decide(sentence, done):
     part = first_part(read(sentence, KITCHEN), KITCHEN)
-    (call,) = part.calls
+    ((call, _),) = part
     assert str(call) in (f"place({done})", f"push({done})")
 
 
@@ -350,7 +350,7 @@ def test_every_wording_of_every_task_is_read_in_all_colours(task):
         found = read(sentence, where)
         assert not isinstance(found, Abstention), (sentence, found)
         part = first_part(found, where)
-        what = [meant(call, where) for call in part.calls]
+        what = [meant(call, where) for call, _ in part]
         assert all(isinstance(w, Meant) for w in what), (sentence, what)
         assert {w.skill for w in what if isinstance(w, Meant)} == {SKILLS[task]}, (sentence, what)
         named = {i for w in what if isinstance(w, Meant) for i in where.family(w.theme.id) | {w.theme.parent}}

@@ -8,8 +8,7 @@ import pytest
 
 from gvla2.planning.scene import Box
 from gvla2.testing import inputs
-from gvla2_plugins.voxposer.maps import LONGEST, MOST_STAGES, MapInterpreter, read_program
-from gvla2_plugins.voxposer.planner import VoxelGrid
+from gvla2_plugins.voxposer.planner import LONGEST, MOST_STAGES, MapInterpreter, VoxelGrid, read_program
 
 SCENE = inputs.scene()
 IDS = {o.id: o.id for o in SCENE.objects}

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from gvla2.skills.grounding import goals, themes
+from gvla2.skills.grounding import goals, no_room, themes
 from gvla2.skills.table import STANDARD
-from gvla2.skills.validation import no_room
 from tests.skills.scenes import (
     LAMP,
     PATCH,

@@ -12,7 +12,8 @@ import gvla2
 from gvla2.hookspecs import SKILL_HOOK
 from gvla2.planning.skill import Parameter, Role, Skill, fault_of
 from gvla2.plugins.registry import load_plugins
-from gvla2.skills.table import PARAMETERS, STANDARD
+from gvla2.skills.parameters import PARAMETERS
+from gvla2.skills.table import STANDARD
 
 PICK = STANDARD["pick"]
 

@@ -18,7 +18,6 @@ from gvla2.evaluation.ablation import (
     NOISES,
     REFERENCE,
     VARIANTS,
-    AblationComponents,
     Drift,
     refined_row,
 )
@@ -29,11 +28,12 @@ from gvla2.evaluation.datasets import Dataset, Item, open_dataset
 from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker
 from gvla2.evaluation.metrics import MEASURES, ReconstructionJudge
 from gvla2.evaluation.protocol import VERSION
-from gvla2.evaluation.results import Cell, cell_key
+from gvla2.evaluation.results import Cell, Run, cell_key
 from gvla2.evaluation.tables import Sheet
 from gvla2.plugins.assembly import GEOMETRY
 from gvla2.plugins.registry import Registry
-from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.reconstruction.branch import BranchComponents
+from gvla2.reconstruction.contracts import Reconstruction, Reconstructor
 
 LAYOUT = TableLayout(
     title="Reconstruction",
@@ -129,7 +129,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
                 yield _failed(unit, key, error)
 
     @staticmethod
-    def sheets(cells: Sequence[Cell]) -> list[Sheet]:
+    def sheets(cells: Sequence[Cell], runs: Sequence[Run] = ()) -> list[Sheet]:
         """The ablation's table for each group of cells that can be compared."""
         return comparison_sheets(cells, LAYOUT)
 
@@ -220,53 +220,49 @@ class ObjectBench:
     """
 
     def __init__(self, unit: ObjectUnit, registry: Registry) -> None:
+        config, threads = unit.config, 1 if in_a_worker() else -1
         self._unit, self._registry = unit, registry
         self._views = unit.dataset.load(unit.item)
         self._built: dict[tuple[str, str], Any] = {}
         self._first: dict[int, tuple[Reconstruction, float]] = {}
-        self._judge: ReconstructionJudge | None = None
+        renderer = self._part("renderer", config.renderer)
+        self._judge = ReconstructionJudge(self._views, renderer, threads, config.surface_samples)
 
     def cell(self, key: str) -> Cell:
         """One cell: the baseline's seconds are the reconstruction's; any other row's are only its own."""
-        unit, views = self._unit, self._views
-        factors = unit.factors[key]
+        unit, views, factors = self._unit, self._views, self._unit.factors[key]
         drift, noise, variant = (str(factors[name]) for name in ("drift", "noise", "variant"))
-        chosen = self._components(int(factors["seed"]), noise)
-        judge = self._judge = self._judge or self._new_judge(chosen.renderer)
-        g0, seconds = self._reconstructed(chosen)
+        root = chosen_components(unit.config, self._registry, unit.baseline, int(factors["seed"]), noise)
+        reconstructor, *parts = (self._part(kind, root[kind]) for kind in GEOMETRY)
+        g0, seconds = self._reconstructed(reconstructor)
         size = DRIFTS[drift]
         start = g0 if size is None else Drift.drawn(size, views.name, int(factors["seed"])).applied(g0)
         began = time.perf_counter()
-        made, notes = refined_row(variant, start, views.inputs, chosen, unit.config.branch)
+        made, notes = refined_row(variant, start, views.inputs, BranchComponents(*parts), unit.config.branch)
         if variant != REFERENCE:
             seconds = time.perf_counter() - began
-        measures, points = judge.measure(made)
+        measures, points = self._judge.measure(made)
         notes = {"status": "ok", "cd_points": points, **notes}
         return Cell(key, factors, {**measures, "seconds": seconds}, notes)
 
-    def _components(self, seed: int, noise: str) -> AblationComponents:
-        root = chosen_components(self._unit.config, self._registry, self._unit.baseline, seed, noise)
-        for kind in GEOMETRY:
-            if (kind, repr(root[kind])) not in self._built:
-                self._built[kind, repr(root[kind])] = self._registry.build(root, kind)
-        return AblationComponents(**{kind: self._built[kind, repr(root[kind])] for kind in GEOMETRY})
+    def _part(self, kind: str, options: Any) -> Any:
+        """The component of these options, built once."""
+        key = kind, repr(options)
+        if key not in self._built:
+            self._built[key] = self._registry.build({kind: options}, kind)
+        return self._built[key]
 
-    def _reconstructed(self, chosen: AblationComponents) -> tuple[Reconstruction, float]:
+    def _reconstructed(self, reconstructor: Reconstructor) -> tuple[Reconstruction, float]:
         """G0 and its seconds; a reconstructor runs once."""
-        name = id(chosen.reconstructor)
-        if name not in self._first:
+        if id(reconstructor) not in self._first:
             began = time.perf_counter()
-            made = chosen.reconstructor.reconstruct(self._views.inputs)
+            made = reconstructor.reconstruct(self._views.inputs)
             if made is None:
                 raise Gvla2Error(
                     "The reconstructor made nothing; choose baselines that reconstruct, such as hull."
                 )
-            self._first[name] = made, time.perf_counter() - began
-        return self._first[name]
-
-    def _new_judge(self, renderer: Renderer) -> ReconstructionJudge:
-        config, threads = self._unit.config, 1 if in_a_worker() else -1
-        return ReconstructionJudge(self._views, renderer, threads, config.surface_samples)
+            self._first[id(reconstructor)] = made, time.perf_counter() - began
+        return self._first[id(reconstructor)]
 
 
 def _failed(unit: ObjectUnit, key: str, error: Exception) -> Cell:

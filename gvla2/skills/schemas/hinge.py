@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache, partial
-from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -114,18 +113,8 @@ def _open(
     return Proposal(how, names, preference, way, notes, reserve=bool(yaw) or end < wanted)
 
 
-BESIDE = (0.75, 0.55)
-"""Where along the lid the fingers push if they reach behind it from one side, as shares of its length."""
-ROLLS = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
-"""Rolls of a hand that only pushes, radians."""
-INTO = 0.025
-"""Distance that the fingers reach behind a lid from one side, metres."""
-
-
 def propose_close(job: Job) -> list[Proposal] | Abstention:
-    """Move the lid with closed fingers behind its free edge until it falls by itself; or, if that edge is too far away,
-    with the hand level at one side of the lid and the fingers behind it.
-    """
+    """Move the lid with closed fingers behind its free edge until it falls by itself."""
     hinge, slide = hinge_for(job.theme, job.scene), slide_for(job.theme, job.scene)
     if slide is not None and (hinge is None or slide.front.id == job.theme.id):
         return propose_shut(job, slide)
@@ -133,14 +122,12 @@ def propose_close(job: Job) -> list[Proposal] | Abstention:
         return Abstention("unknown_skill", f"No lid is seen on the {job.theme.label}: it cannot be closed.")
     if hinge.angle < CLOSED:
         return Abstention("other", f"The {hinge.lid.label} is closed already.")
-    hooks = [
+    return [
         _close(job, hinge, sign, lean, shift)
         for lean in (0.0, 0.35, -0.35)
         for shift in SHIFTS[:3]
         for sign in (1.0, -1.0)
     ]
-    beside = product(BESIDE, (1.0, -1.0), ROLLS)
-    return [*hooks, *(_close_beside(job, hinge, side, roll, share) for share, side, roll in beside)]
 
 
 def _close(job: Job, hinge: Hinge, sign: float, lean: float, shift: float) -> Proposal:
@@ -160,7 +147,9 @@ def _close(job: Job, hinge: Hinge, sign: float, lean: float, shift: float) -> Pr
         first = hook(hinge.angle) - 0.03 * hinge.level
         path.go("approach", first - approach * theta["standoff"])
         path.line("lower", first, allowed=hinge.parts)
-        _drive(job, hinge, path, "draw over", hook)
+        path.tolerance = GIVE
+        for angle in _angles(hinge.angle, min(theta["let_go_angle"], hinge.angle)):
+            path.line("draw over", hook(float(angle)), allowed=hinge.parts, slow=True)
         path.line("retreat", path.end + 0.12 * UP, allowed=hinge.parts)
         return path.trajectory()
 
@@ -169,41 +158,3 @@ def _close(job: Job, hinge: Hinge, sign: float, lean: float, shift: float) -> Pr
     how += _off_middle(hinge, shift)
     preference = 0.8 - 0.4 * abs(lean) - 0.3 * abs(shift)
     return Proposal(how, ("approach:top", "approach:hook"), preference, way)
-
-
-def _close_beside(job: Job, hinge: Hinge, side: float, roll: float, share: float) -> Proposal:
-    """The hand points along the hinge, from one side of the lid; its closed fingers push the lid's outside."""
-
-    def way() -> Trajectory:
-        theta, hand = job.theta, job.hand
-        approach = -side * hinge.axis
-        gap = 0.5 * max(hand.finger_breadth, 2 * hand.finger_thickness) + 0.7 * hinge.thickness
-        rim = side * (0.5 * hinge.breadth - INTO - hand.tip_beyond_tcp) * hinge.axis
-
-        def behind(angle: float, more: float = 0.0) -> FloatArray:
-            on = hinge.origin + share * hinge.reach * hinge.out(angle) + rim
-            return np.asarray(on + (gap + more) * hinge.normal(angle))
-
-        orientation = pointing(Rotation.from_rotvec(roll * approach).apply(UP), approach)
-        path = Path(theta["speed"], theta["contact_speed"], orientation, 0.0)
-        first, aside = behind(hinge.angle, 0.02), approach * (INTO + theta["standoff"])
-        path.go("approach", first - aside)
-        path.line("reach behind", first, allowed=hinge.parts)
-        end = _drive(job, hinge, path, "push over", behind)
-        away = path.end + 0.03 * hinge.normal(end) - aside
-        path.line("retreat", away, allowed=hinge.parts)
-        return path.trajectory()
-
-    where = "left" if side > 0 else "right"
-    how = f"lid pushed shut from its {where} side, hand turned {np.degrees(roll):.0f}°"
-    preference = 0.6 - 0.2 * (BESIDE[0] - share)
-    return Proposal(how, ("approach:side", "approach:hook"), preference, way, reserve=True)
-
-
-def _drive(job: Job, hinge: Hinge, path: Path, stage: str, hand: Callable[[float], FloatArray]) -> float:
-    """Move the lid, the tool at ``hand(angle)`` (3,), until it falls by itself; returns its angle then, radians."""
-    path.tolerance = GIVE
-    end = min(job.theta["let_go_angle"], hinge.angle)
-    for angle in _angles(hinge.angle, end):
-        path.line(stage, hand(float(angle)), allowed=hinge.parts, slow=True)
-    return end
