@@ -162,8 +162,6 @@ def _carried_notes(objects: Sequence[SeenObject], ids: dict[str, str]) -> list[s
             notes.append(f"{own} stands on {carrier}.")
         elif own and obj.floating:
             notes.append(f"{own} does not stand on anything that is seen.")
-        if own and obj.guessed:
-            notes.append(f"How deep {own} is was not seen; it is taken to be as deep as wide.")
     return sorted(notes)
 
 
@@ -174,7 +172,6 @@ def described(pixels: Pixels, objects: Sequence[SeenObject], prefix: str) -> lis
     for k, obj in enumerate(objects):
         rgb = true_colour(pixels.rgb[obj.members])
         colour, sure = colour_word(rgb)
-        seen = 0.8 * obj.agreement if obj.guessed else obj.agreement
         named.append(
             SceneObject(
                 f"{prefix}{k}",
@@ -186,7 +183,7 @@ def described(pixels: Pixels, objects: Sequence[SeenObject], prefix: str) -> lis
                 evenly(obj.points, MOST_POINTS),
                 rgb,
                 parent=f"{prefix}{belongs[k]}" if belongs[k] >= 0 else "",
-                confidence=round(float(np.clip(seen, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3),
+                confidence=round(float(np.clip(obj.agreement, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3),
                 opening=obj.opening,
             )
         )
