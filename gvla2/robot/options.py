@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from gvla2.component import ComponentConfig
+from gvla2.component import ComponentConfig, check_ranges
 from gvla2.errors import ConfigurationError
 
 KINDS = ("none", "gaussian", "l515", "realistic")
-_SHARES = ("dropout", "flying", "grazing", "dark")
 
 
 @dataclass
@@ -45,12 +43,9 @@ class DepthNoise:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ConfigurationError(f"depth_noise.kind is '{self.kind}'; it is one of {', '.join(KINDS)}.")
-        for name, value in vars(self).items():
-            if name in _SHARES and not (0 <= value <= 1 and (name != "dropout" or value < 1)):
-                bounds = "[0, 1)" if name == "dropout" else "[0, 1]"
-                raise ConfigurationError(f"depth_noise.{name}={value} is a share of pixels in {bounds}.")
-            if name not in ("kind", *_SHARES) and not 0 <= value < math.inf:
-                raise ConfigurationError(f"depth_noise.{name}={value} must be finite and not negative.")
+        shares = dict.fromkeys(("flying", "grazing", "dark"), (0.0, 1.0, "")) | {"dropout": (0.0, 0.999, "")}
+        others = dict.fromkeys(vars(self).keys() - {"kind"}, (0.0, 1e3, ""))
+        check_ranges(self, "depth_noise", others | shares)
 
 
 @dataclass
@@ -93,30 +88,6 @@ class ArmConfig(ComponentConfig):
     workspace_low: list[float] = field(default_factory=list)
     workspace_high: list[float] = field(default_factory=list)
     ease: float = 0.06
-
-
-@dataclass
-class PandaArm(ArmConfig):
-    """Franka's Panda, whose description comes with gvla2 (Apache-2.0); its world sets base, table and workspace."""
-
-    urdf: str = "package://gvla2/robot/descriptions/panda/panda.urdf"
-    srdf: str = "package://gvla2/robot/descriptions/panda/panda.srdf"
-    tool_link: str = "panda_hand"
-    tool_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.1034])
-    gripper_joints: list[str] = field(default_factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"])
-    hand: dict[str, float] = field(
-        default_factory=lambda: {
-            "max_width": 0.08,
-            "finger_length": 0.1129 - 0.066,  # fingertips' end and palm's end from the hand's frame
-            "finger_thickness": 0.0152,
-            "finger_breadth": 0.022,
-            "tip_beyond_tcp": 0.1129 - 0.1034,
-            "palm_breadth": 0.204,
-            "palm_depth": 0.063,
-        }
-    )
-    home: list[float] = field(default_factory=lambda: [0.0, 0.1745, 0.0, -0.8727, 0.0, 1.2217, 0.7854])
-    ease: float = 0.0
 
 
 @dataclass

@@ -39,7 +39,7 @@ class RealsenseCamera:
         if not config.calibration:
             raise ConfigurationError(
                 "camera=realsense needs to know where the camera stands: camera.calibration=FILE, made by "
-                "`gvla2 calibrate`."
+                "examples/08_hand_eye.py."
             )
         path = Path(config.calibration).expanduser()
         calibration = Calibration.load(path)

@@ -19,6 +19,9 @@ from gvla2.robot.mujoco.world import World
 PLACES = frozenset(("top", "middle", "bottom", "upper", "lower", "left", "right", "front", "back"))
 """Words of a body's name that tell it from others of its kind."""
 
+ROOM = re.compile(r"floor|wall|ground|(\w+_)?table")
+"""What the names of bodies that belong to the room begin with."""
+
 
 def true_scene(world: World) -> Scene:
     """Every body that is neither the robot nor the room; a body that moves on a joint of its own is a part.
@@ -30,7 +33,7 @@ def true_scene(world: World) -> Scene:
     wholes: dict[int, dict[int, list[int]]] = {}
     for body in range(1, model.nbody):
         root = int(model.body_rootid[body])
-        if body not in robot and not (model.body(root).name or "").startswith(world.scenery):
+        if body not in robot and not ROOM.match(model.body(root).name or ""):
             wholes.setdefault(root, {}).setdefault(moving_body(model, body), []).append(body)
     objects: list[SceneObject] = []
     for root, members in wholes.items():
