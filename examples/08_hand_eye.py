@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import check_rigid, invert_rigid, look_along, rigid
-from gvla2.robot.calibration import Calibration
+from gvla2.robot.calibration import Calibration, pinhole
 
 FEWEST, SMALLEST_TURN = 8, np.radians(15.0)
 LEVER = 0.3  # metres: the weight of a radian of rotation error in the refinement
