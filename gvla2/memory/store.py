@@ -270,7 +270,7 @@ class SqliteStore(Store):
     def _begin(self, connection: Connection, bank: str) -> None:
         """Take the write lock: a transaction that reads first and writes later would fail under contention.
 
-        SQLite's own waiting sleeps ever longer, so the last to come is served first, and of eight busy writers some meet
+        SQLite's own waiting sleeps ever longer, so the last to come is served first, and some of eight writers meet
         the time-out. Here the pauses get shorter the longer a process has waited: none starves.
         """
         raw: Any = connection.connection.dbapi_connection
