@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gvla2.episode.evidence import correspond
-from gvla2.episode.record import EpisodeRecord, Failure
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import PerceptionError, PlanningError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
@@ -62,13 +62,6 @@ def has_next_part(record: EpisodeRecord) -> bool:
         and bool(record.plan.remaining)
         and record.after is not None
     )
-
-
-def stop_at_limit(record: EpisodeRecord, max_parts: int) -> EpisodeRecord:
-    """The record of a program that would need more parts than allowed."""
-    left = f"{_listed(record.planned.plan.remaining)} would come next"
-    message = f"The program has more than {max_parts} parts: {left}. max_parts=NUMBER allows more."
-    return replace(record, failure=Failure("plan", "too_many_parts", message))
 
 
 def next_part(record: EpisodeRecord) -> EpisodeRecord:
@@ -165,17 +158,14 @@ def part_instruction(record: EpisodeRecord) -> str:
         return record.instruction
     given = set(record.instruction.casefold().replace(",", " ").replace(".", " ").split())
     objects = {o.id: o for o in scene.objects}
-    calls = plan.calls or (SkillCall(plan.skill or "go on", *_roles(plan)),)
+    theme, goal = plan.roles.get("theme", plan.roles.get("part", "")), plan.roles.get("goal", "")
+    calls = plan.calls or (SkillCall(plan.skill or "go on", theme, goal),)
     sentences = []
     for call in calls:
-        theme, goal = (_known(objects.get(name), given) for name in (call.theme, call.goal))
-        words = (call.skill, theme, call.relation.replace("_", " "), goal)
+        what, where = (_known(objects.get(name), given) for name in (call.theme, call.goal))
+        words = (call.skill, what, call.relation.replace("_", " "), where)
         sentences.append(" ".join(word for word in words if word))
     return "; ".join(sentences)
-
-
-def _roles(plan: Plan) -> tuple[str, str]:
-    return plan.roles.get("theme", plan.roles.get("part", "")), plan.roles.get("goal", "")
 
 
 def _known(obj: SceneObject | None, given: set[str]) -> str:

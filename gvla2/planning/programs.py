@@ -81,7 +81,10 @@ class Program:
             raise PlanningError(f"Not a program: {dict(data)!r:.200}.")
         calls = data["language"] == "calls"
         known = frozenset(map(str, roles))
-        if not all(_is_line(s, known) if calls else _is_waypoint(s, known) for s in steps or ()):
+        lines = all(
+            isinstance(s, str) and _LINE.fullmatch(s) and known >= {*_NAME.findall(s)} for s in steps or ()
+        )
+        if not (lines if calls else all(_is_waypoint(s, known) for s in steps or ())):
             raise PlanningError(f"A program with invalid steps: {steps!r:.200}.")
         return cls(
             data["language"],
@@ -178,10 +181,6 @@ def adapted(
     return tuple(
         tuple(absolute(part, scene[bound[step[0][1:-1]]]) for part in step) for step in program.steps
     )
-
-
-def _is_line(step: Any, roles: frozenset[str]) -> bool:
-    return isinstance(step, str) and bool(_LINE.fullmatch(step)) and roles.issuperset(_NAME.findall(step))
 
 
 def _is_waypoint(step: Any, roles: frozenset[str]) -> bool:

@@ -168,18 +168,6 @@ def test_a_part_that_failed_ends_the_program_and_replan_begins_all_of_it_again(p
     assert len(parts.planner.requests) == 2
 
 
-def test_a_program_may_not_take_more_parts_than_allowed(parts_of):
-    def many(cubes):
-        return [SkillCall("pick", cubes[k % 2]) for k in range(3)]
-
-    record = run_episode(parts_of(many, "memory=none"), EpisodeRequest(seed=3, max_parts=2))
-    assert (record.failure.stage, record.failure.kind) == ("plan", "too_many_parts")
-    assert "more than 2 parts" in record.failure.message
-    assert "max_parts=" in record.failure.message
-    assert len(record.whole) == 2
-    assert record.success_check is not None
-
-
 def test_a_lost_object_is_named(parts_of):
     parts = parts_of(push_then_pick, "memory=none")
     record = run_episode(parts, EpisodeRequest(seed=3))
