@@ -50,8 +50,8 @@ LONGEST = 80
 MAX_POINTS = 200
 """Maximum number of points in an answer; more mean that the model is repeating itself."""
 MAX_CHARACTERS = 20_000
-AGREE = 0.01
-"""Neighbouring depths that differ by less lie on one surface, metres."""
+AGREE = 0.015
+"""Neighbouring points that are nearer to one another lie on one surface, metres."""
 NEIGHBOURS = 9
 """Number of valid pixels used for a depth: a patch of 3 by 3 if none is missing."""
 REACH = 12
@@ -242,33 +242,24 @@ def read_points(text: str, scale: float = 1.0) -> tuple[tuple[float, float], ...
 def sight(view: View, u: float, v: float, scene: Scene) -> Sighting:
     """What is seen at the shares ``u`` and ``v`` of a picture's width and height, 1 being its last pixel.
 
-    Raises :class:`PlanningError` for a camera without depth, and if no depth was measured nearby. Pixels of the robot's
-    own arm count as not measured.
-    """
-    camera = view.camera
-    at = np.array([min(u * camera.width, camera.width - 0.5), min(v * camera.height, camera.height - 0.5)])
-    ray = camera.world_from_camera[:3, :3] @ np.linalg.solve(camera.K, np.array([*at, 1.0]))
-    point = np.asarray(camera.position + depth_at(view, *at) * ray)
-    return Sighting(point, scene.object_at(point))
-
-
-def depth_at(view: View, u: float, v: float) -> float:
-    """Metres along the camera's z at a pixel: the median of the nearest measured depths on one surface.
-
-    An isolated pixel (a flying pixel at an edge) is outvoted by its neighbours; one confirmed by some of them is used,
-    so that a thin handle is not mistaken for what lies behind it.
+    It is the median of the nearest measured points on one surface: an isolated one (a flying pixel at an edge) is
+    outvoted by its neighbours; one confirmed by some of them is used, so that a thin handle is not mistaken for what
+    lies behind it. Pixels of the robot's own arm count as not measured. Raises :class:`PlanningError` for a camera
+    without depth, and if no depth was measured nearby.
     """
     if view.depth is None:
         raise PlanningError(f"The camera '{view.name}' measures no depth; choose one that does.")
-    known = np.isfinite(view.depth) & (view.depth > 0.0)
+    points = view.points()
+    known = np.isfinite(points).all(axis=-1)
     if view.robot_mask is not None:
         known &= ~view.robot_mask
     pixels = np.argwhere(known)  # (N, 2) rows and columns
-    off = np.linalg.norm(pixels + 0.5 - [v, u], axis=1)
+    off = np.linalg.norm(pixels + 0.5 - [v * view.camera.height, u * view.camera.width], axis=1)
     near = pixels[np.argsort(off, kind="stable")[:NEIGHBOURS]][: np.count_nonzero(off <= REACH)]
     if not len(near):
-        where = f"({u:.0f}, {v:.0f}) in the picture of '{view.name}'"
+        where = f"({u:.2f}, {v:.2f}) in the picture of '{view.name}'"
         raise PlanningError(f"No depth was measured within {REACH} pixels of {where}.")
-    found = view.depth[tuple(near.T)].astype(np.float64)
-    beside = np.abs(found - found[0]) < AGREE
-    return float(np.median(found[beside] if beside.sum() >= min(3, len(found)) else found))
+    found = points[tuple(near.T)]
+    beside = np.linalg.norm(found - found[0], axis=1) < AGREE
+    point = np.median(found[beside] if beside.sum() >= min(3, len(found)) else found, axis=0)
+    return Sighting(point, scene.object_at(point))
