@@ -85,12 +85,12 @@ def _present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, st
 
     They are matched directly; objects that changed too much, via the scene in which that part ``ended``.
     """
-    found = {old: new.id for old, new in correspond(before, now).later.items()}
+    found = {old: new.id for old, new in correspond(before, now).items()}
     if ended is not None:
         midway, since = correspond(before, ended), correspond(ended, now)
         for obj in before.objects:
-            then = midway.of(obj.id)
-            later = since.of(then.id) if then is not None else None
+            then = midway.get(obj.id)
+            later = since.get(then.id) if then is not None else None
             if obj.id not in found and later is not None and later.id not in found.values():
                 found[obj.id] = later.id
     return found

@@ -18,14 +18,13 @@ from typing import Any
 
 from gvla2.language import LanguageModel, Message
 from gvla2.planning.calls import RELATIONS, WAYS, SkillCall, SkillOptions, written
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest, RefusedError
 from gvla2.planning.programs import adapted, calls_program, remembered
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
 from gvla2.planning.skill import Example, Skill
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.grounding import goals, themes
 from gvla2.skills.model_planning import (
-    Declined,
     ask_for_plan,
     instruction_in,
     nothing_to_ask,
@@ -135,10 +134,10 @@ def _remembered(request: PlanRequest, brief: SceneBrief, programs: int) -> str:
 
 DECLINE = "decline"
 """The call by which a program refuses the instruction, with one of :data:`REASONS`: ``decline(absent)``."""
-REASONS: Mapping[str, Abstention] = {
-    "absent": Abstention("nothing_matches", "What the instruction is about is not in the scene."),
-    "unclear": Abstention("ambiguous", "It is not clear which object is meant."),
-    "impossible": Abstention("other", "No skill does what the instruction asks for."),
+REASONS: Mapping[str, tuple[AbstentionKind, str]] = {
+    "absent": ("nothing_matches", "What the instruction is about is not in the scene."),
+    "unclear": ("ambiguous", "It is not clear which object is meant."),
+    "impossible": ("other", "No skill does what the instruction asks for."),
 }
 KEYWORDS = {"theme", "goal", "relation", "direction", "amount"}
 """Optional names of a call's arguments; their values show what they are."""
@@ -157,7 +156,7 @@ Fitting = Mapping[str, Mapping[str, Sequence[str]]]
 def read_calls(text: str, ids: Mapping[str, str], skills: Mapping[str, Skill]) -> tuple[SkillCall, ...]:
     """The calls of a program that names objects by the keys of ``ids`` (to scene ids).
 
-    Raises :class:`ValueError` with a sentence for the program's author, and :class:`Declined` if it declines.
+    Raises :class:`ValueError` with a sentence for the program's author, and :class:`RefusedError` if it declines.
     """
     if len(text) > MAX_CHARACTERS:
         raise ValueError(f"It has {len(text)} characters; {MAX_CHARACTERS} are enough for any program.")
@@ -175,7 +174,7 @@ def read_calls(text: str, ids: Mapping[str, str], skills: Mapping[str, Skill]) -
                     raise ValueError(f"{name}(...) does not take {', '.join(sorted(strange))}.")
                 given = [_value(a) for a in (*call.args, *(word.value for word in call.keywords))]
                 if name == DECLINE:
-                    raise Declined(REASONS.get(str(given[0]) if given else "", REASONS["impossible"]))
+                    raise RefusedError(*REASONS.get(str(given[0]) if given else "", REASONS["impossible"]))
                 calls.append(_call(name, given, ids, skills))
             case _:
                 raise ValueError(f"'{ast.unparse(statement)[:80]}' is not a call of a skill.")

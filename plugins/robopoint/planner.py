@@ -18,7 +18,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed, json_in, picture
 from gvla2.planning.calls import RELATIONS, Relation, SkillCall
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest, RefusedError
 from gvla2.planning.scene import Scene
 from gvla2.planning.skill import Skill
 from gvla2.skills.carry_out import carry_out
@@ -91,7 +91,7 @@ class RoboPointPlanner:
 
         try:
             plan = carry_out((self._call(request, ask),), request)
-        except _RefusedError as refused:
+        except RefusedError as refused:
             plan = Plan(None, abstention=refused.abstention)
         except (PlanningError, UnusableAnswerError) as error:
             said += getattr(error, "transcript", ())
@@ -99,7 +99,7 @@ class RoboPointPlanner:
         return replace(plan, transcript=(*said, *plan.transcript))
 
     def _call(self, request: PlanRequest, ask: Callable[[Any, Callable[[str], Any]], Any]) -> SkillCall:
-        """The skill call that the instruction and the picture give; raises :class:`_RefusedError`."""
+        """The skill call that the instruction and the picture give; raises :class:`RefusedError`."""
         skills, view = request.skills or STANDARD, request.observation.views[0]
 
         def point(words: str) -> list[Sighting]:
@@ -114,7 +114,7 @@ class RoboPointPlanner:
         task: PointingTask = ask(words, lambda text: read_task(text, skills))
         if task.skill == "none":
             message = f"None of {', '.join(skills)} was seen in the instruction."
-            raise _RefusedError(Abstention("unknown_skill", message))
+            raise RefusedError("unknown_skill", message)
         theme = voted(task.theme, point(f"Locate several points on the {task.theme}."))
         if not task.goal:
             return SkillCall(task.skill, theme, relation=task.relation)
@@ -122,7 +122,7 @@ class RoboPointPlanner:
             try:
                 goal = voted(task.goal, point(f"Locate several points on the {task.goal}."))
                 return SkillCall(task.skill, theme, goal=goal, relation=task.relation)
-            except _RefusedError as refused:  # a name that matches no perceived object may still be a place
+            except RefusedError as refused:  # a name that matches no perceived object may still be a place
                 if refused.abstention.kind != "nothing_matches" or not skills[task.skill].free:
                     raise
         where = f"{BESIDES.get(task.relation, 'on')} the {task.goal}"
@@ -130,29 +130,21 @@ class RoboPointPlanner:
         free = [s.point for s in seen if abs(s.point[2] - request.scene.table_height) < LEVEL]
         if len(free) < AGREEMENT * len(seen):
             message = f"Where the model pointed for a place {where}, the table is not free."
-            raise _RefusedError(Abstention("no_goal", message))
+            raise RefusedError("no_goal", message)
         x, y = (float(v) for v in np.median(free, axis=0)[:2])
         return SkillCall(task.skill, theme, xy=(x, y))
 
 
-class _RefusedError(Exception):
-    """What the model says or points at gives no call."""
-
-    def __init__(self, abstention: Abstention) -> None:
-        super().__init__(abstention.message)
-        self.abstention = abstention
-
-
 def voted(words: str, seen: Sequence[Sighting]) -> str:
-    """The id of the object that most points for the ``words`` lie on; raises :class:`_RefusedError`."""
+    """The id of the object that most points for the ``words`` lie on; raises :class:`RefusedError`."""
     votes = Counter(s.object for s in seen if s.object).most_common(2)
     where = f"Where the model pointed for '{words}'"
     if not votes:
-        raise _RefusedError(Abstention("nothing_matches", f"{where}, no object was perceived."))
+        raise RefusedError("nothing_matches", f"{where}, no object was perceived.")
     (best, count), rest = votes[0], votes[1:]
     if count < AGREEMENT * len(seen) or any(other == count for _, other in rest):
         message = f"{where}, there are several objects, or none at most points."
-        raise _RefusedError(Abstention("ambiguous", message))
+        raise RefusedError("ambiguous", message)
     return best
 
 

@@ -5,10 +5,11 @@ import time
 
 import pytest
 
+from gvla2.planning.contracts import RefusedError
 from gvla2.planning.scene_brief import scene_brief
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.planner import Declined, fitting, grammar, read_calls, worked_examples
+from gvla2_plugins.code_policies.planner import fitting, grammar, read_calls, worked_examples
 
 REQUEST = inputs.plan_request()
 FITS = fitting(REQUEST, STANDARD, scene_brief(REQUEST.scene))
@@ -56,7 +57,7 @@ def test_a_program_may_decline():
         ("", "other"),
         ("red", "other"),
     ):
-        with pytest.raises(Declined) as declined:
+        with pytest.raises(RefusedError) as declined:
             run(f"pick(red)\ndecline({argument})")
         assert declined.value.abstention.kind == kind
 
