@@ -59,8 +59,8 @@ def ask_for_plan(
 
     An answer for which ``plan_of`` raises :class:`ValueError`, or abstains, goes back to the model with the reason (as
     ``named`` words it), ``tries`` times in all; then the plan is an abstention with the last reason.
-    :class:`~gvla2.planning.contracts.RefusedError` ends the conversation. ``asking`` are further arguments of :func:`~gvla2.language.ask_typed`. Raises
-    :class:`~gvla2.language.LanguageModelError` if no model answers.
+    :class:`~gvla2.planning.contracts.RefusedError` ends the conversation. ``asking`` are further arguments of
+    :func:`~gvla2.language.ask_typed`. Raises :class:`~gvla2.language.LanguageModelError` if no model answers.
     """
     refused: dict[str, Abstention] = {}
 
