@@ -1,6 +1,6 @@
 """Programs: a planner's plan in its own language, kept after a success and adapted to other scenes.
 
-Names of objects become roles (``theme``, ``goal``, ``third``), so that a program applies to other objects of the same
+Names of objects become roles (``theme``, ``goal``, ``object_2``), so that a program applies to other objects of the same
 kind; lengths that scale with the object become shares of its size. :func:`adapted` turns a program back into the names
 and millimetres of the present scene.
 """
@@ -28,8 +28,6 @@ def remembered(text: str) -> str:
 
 
 Language = Literal["calls", "waypoints"]
-FURTHER = ("third", "fourth", "fifth", "sixth")
-"""Roles of objects that a plan's own roles do not name."""
 LONGEST = 40
 """Steps of a program; more than any plan of the loop can hold."""
 _NAME = re.compile(r"\{(\w{1,20})\}")
@@ -97,10 +95,9 @@ class Program:
 
 
 def _role_names(ids: Sequence[str], roles: Mapping[str, str]) -> dict[str, str]:
-    """A role for each of the ids of a program: the plan's own, then third, fourth and so on."""
+    """A role for each of the ids of a program: the plan's own, then numbered ones."""
     named = {i: role for role, i in roles.items() if role in ("theme", "goal")}
-    spare = iter(FURTHER)
-    return {i: named.get(i) or next(spare, f"role_{k}") for k, i in enumerate(dict.fromkeys(ids))}
+    return {i: named.get(i) or f"object_{k}" for k, i in enumerate(dict.fromkeys(ids))}
 
 
 def kind_of(obj: SceneObject) -> str:
