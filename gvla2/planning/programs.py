@@ -1,8 +1,8 @@
 """Programs: a planner's plan in its own language, kept after a success and adapted to other scenes.
 
-Names of objects become roles (``theme``, ``goal``, ``object_2``), so that a program applies to other objects of the same
-kind; lengths that scale with the object become shares of its size. :func:`adapted` turns a program back into the names
-and millimetres of the present scene.
+Names of objects become roles (``theme``, ``goal``, ``object_2``), so that a program applies to other objects of the
+same kind; lengths that scale with the object become shares of its size. :func:`adapted` turns a program back into the
+names and millimetres of the present scene.
 """
 
 from __future__ import annotations
