@@ -88,6 +88,6 @@ def test_the_grammar_of_calls_is_well_formed_and_has_what_fits():
     ("skill", "example"), [(s, e) for s, each in worked_examples().items() for e in each]
 )
 def test_examples_can_be_read(skill, example):
-    names = {line.partition(" ")[0] for line in example.objects.splitlines()}
-    (call,) = read_calls(example.call, {n: n for n in names}, STANDARD)
+    names = {line.partition(" ")[0] for line in example[0].splitlines()}
+    (call,) = read_calls(example[2], {n: n for n in names}, STANDARD)
     assert call.skill == skill
