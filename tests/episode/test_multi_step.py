@@ -156,8 +156,11 @@ def test_a_part_that_failed_ends_the_program_and_replan_begins_all_of_it_again(p
             outcome = next(verdicts)
             return Verdict(outcome, float(outcome.endswith("success")), 1.0, {}, ("as given",), "sure")
 
-    # Pushes by a direction are not repeated; two picks are.
-    parts.planner.program = lambda cubes: (SkillCall("pick", cubes[0]), SkillCall("pick", cubes[1]))
+    # Pushes by a direction are not repeated; a place beside an object is.
+    parts.planner.program = lambda cubes: (
+        SkillCall("place", cubes[0], cubes[1], relation="beside"),
+        SkillCall("pick", cubes[1]),
+    )
     listener = Listener()
     record = run_episode(replace(parts, verifier=Sure()), EpisodeRequest(seed=3, replan=1), listener)
     (before,) = record.attempts
