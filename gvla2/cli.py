@@ -14,7 +14,6 @@ COMMANDS = {
     "bench": "measure a suite on a data set: ablation rows, baselines, drift, seeds",
     "report": "make tables of measured results: terminal, Markdown, LaTeX, HTML",
     "memory": "search and list a memory bank, verify it, import, export, forget",
-    "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
     "export": "write runs as a data set for training: LeRobot",
     "data": "write the gallery of known objects that comes with a robot's world",
     "tasks": "list the tasks that a robot can be given",
@@ -37,8 +36,6 @@ def run_command(command: str, argv: list[str]) -> int:
             from gvla2.commands.report import main
         case "memory":
             from gvla2.commands.memory import main
-        case "calibrate":
-            from gvla2.commands.calibrate import main
         case "export":
             from gvla2.commands.export import main
         case "data":

@@ -54,7 +54,6 @@ class Sandbox(Protocol):
         self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
     ) -> Output:
         """Run a command by bash in the working folder. File changes persist, shell variables do not."""
-        ...
 
 
 class EnvironmentFailedError(Gvla2Error):
@@ -88,4 +87,3 @@ class Agent(Protocol):
         ``report`` is called with a line per step. Raises :class:`~gvla2.language.contracts.LanguageModelError` if the
         model cannot be asked: such a task is not counted.
         """
-        ...

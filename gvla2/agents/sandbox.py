@@ -63,11 +63,17 @@ class BubblewrapSandbox:
         self._disk_mb, self._memory_mb = int(disk_mb), int(memory_mb)
 
     def run(
-        self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
+        self,
+        command: str,
+        *,
+        seconds: float = 60.0,
+        variables: Mapping[str, str] | None = None,
+        shown: Mapping[Path, str] | None = None,
     ) -> Output:
         """Run a command by bash in the working folder; it ends after ``seconds`` or when it fills the disk.
 
-        A command that cannot be started (a NUL byte, too long) is an output with status 126.
+        It sees the folders ``shown`` of the host, read-only, at these places; links in them lead nowhere on the host. A
+        command that cannot be started (a NUL byte, too long) is an output with status 126.
         """
         pairs = [f"{name}={value}" for name, value in (variables or {}).items()]
         guarded = _GUARDED.format(
@@ -81,11 +87,12 @@ class BubblewrapSandbox:
             seconds=seconds,
             words=shlex.join(["env", *pairs, "bash", "-c", command]),
         )
+        mounts = [word for folder, at in (shown or {}).items() for word in ("--ro-bind", str(folder), at)]
         begun = time.monotonic()
         try:
             # Bubblewrap itself gets no variable either: its environment is readable in the sandbox.
             done = subprocess.run(
-                [*self._arguments, "bash", "-c", guarded],
+                [*self._arguments, *mounts, "bash", "-c", guarded],
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 env={},
@@ -103,16 +110,6 @@ class BubblewrapSandbox:
             spent,
             late and spent >= seconds,
         )
-
-    @contextmanager
-    def mounted(self, folder: Path, at: str) -> Iterator[None]:
-        """Context manager that shows commands a host folder, read-only; links in it lead nowhere on the host."""
-        shown = ["--ro-bind", str(folder), at]
-        self._arguments += shown
-        try:
-            yield
-        finally:
-            del self._arguments[-len(shown) :]
 
 
 def _namespaces(root: Path, disk_mb: int) -> list[str]:

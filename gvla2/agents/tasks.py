@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 import tomllib
 from collections.abc import Callable, Iterable
@@ -80,21 +81,18 @@ def read_task(folder: Path) -> AgentTask:
         raise ConfigurationError(f"The task {folder} cannot be read: {error}") from error
     metadata = settings.get("metadata", {})
     files = folder / str(metadata["files"]) if metadata.get("files") else None
-    entry = folder / "tests" / "test.sh"
-    if not instruction:
-        raise ConfigurationError(f"The task {folder} has no instruction.")
-    if not all(0 < limit < float("inf") for limit in limits.values()):
-        raise ConfigurationError(f"The task {folder} has a limit that is not above 0: {limits}.")
-    if not entry.is_file():
-        raise ConfigurationError(
-            f"The task {folder} has no tests: {entry} is missing. Without tests its result is unknown."
-        )
-    if files is not None and not (
-        files.is_dir()
-        and files.is_relative_to(folder)
-        and files.resolve() == folder.resolve() / files.relative_to(folder)
-    ):
-        raise ConfigurationError(f"{files}, metadata.files of its task.toml, is not a folder of the task.")
+    problems = {
+        "has no instruction": not instruction,
+        f"has a limit that is not above 0: {limits}": not all(
+            0 < one < float("inf") for one in limits.values()
+        ),
+        "has no tests: tests/test.sh is missing": not (folder / "tests" / "test.sh").is_file(),
+        f"names metadata.files {files}, which is not a folder of the task": files is not None
+        and not (files.is_dir() and files.resolve() == folder.resolve() / os.path.relpath(files, folder)),
+    }
+    for problem, there in problems.items():
+        if there:
+            raise ConfigurationError(f"The task {folder} {problem}.")
     return AgentTask(
         name=folder.name,
         instruction=instruction,
@@ -165,8 +163,7 @@ def run_tests(task: AgentTask, sandbox: BubblewrapSandbox) -> Output:
     emptied = sandbox.run(f"chmod -R u+rwX /logs; rm -rf {LOGS} && mkdir -p {LOGS}", seconds=10)
     if emptied.status != 0:
         return emptied
-    with sandbox.mounted(task.tests, TESTS):
-        output = sandbox.run(f"bash {TESTS}/test.sh", seconds=task.test_seconds)
+    output = sandbox.run(f"bash {TESTS}/test.sh", seconds=task.test_seconds, shown={task.tests: TESTS})
     if output.timed_out:
         return output
     read = f"if [ -e {LOGS}/reward.txt ]; then echo reward; head -c 20 {LOGS}/reward.txt; else echo none; fi"
@@ -186,17 +183,12 @@ def transcript(run: AgentRun) -> str:
     for message in run.messages[2:]:  # the first two are the prompts
         content = str(message.get("content", "")).strip()
         if message.get("role") == "assistant":
-            lines += [f"$ {line}" for line in _commands(content)]
+            # The fenced blocks, one line each, without their language; prose is left out.
+            blocks = [block.partition("\n")[2].split() for block in content.split("```")[1::2]]
+            lines += [f"$ {' '.join(words)}" for words in blocks if words]
         elif message.get("role") == "user":
             half = LONGEST_OUTPUT // 2
             long = len(content) > LONGEST_OUTPUT
             lines.append(f"{content[:half]} [...] {content[-half:]}" if long else content)
     lines.append(f"The agent ended with: {run.exit_status or 'nothing'}")
     return "\n".join(lines)
-
-
-def _commands(answer: str) -> list[str]:
-    """The commands of an answer, one per line; prose is left out."""
-    fenced = answer.split("```")[1::2]
-    blocks = [block.split("\n", 1)[1] for block in fenced if "\n" in block]
-    return [" ".join(block.split()) for block in blocks if block.strip()]

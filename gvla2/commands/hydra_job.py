@@ -41,7 +41,6 @@ _MAY_SWEEP = ("+", "experiment=", "hydra.mode=")
 
 def schemas() -> dict[str, type]:
     """The dataclass of each command that Hydra configures, by the command's name."""
-    from gvla2.commands.calibrate import CalibrateConfig
     from gvla2.commands.reconstruct import ReconstructConfig
     from gvla2.commands.report import ReportConfig
     from gvla2.commands.run import RunConfig
@@ -52,7 +51,6 @@ def schemas() -> dict[str, type]:
         "reconstruct": ReconstructConfig,
         "bench": BenchConfig,
         "report": ReportConfig,
-        "calibrate": CalibrateConfig,
     }
 
 

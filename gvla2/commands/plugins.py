@@ -55,24 +55,30 @@ def main(argv: Sequence[str]) -> int:
     asked = parser.parse_args(argv)
     registry = load_plugins()
     try:
-        offers = find_offers(registry, asked.kind, asked.name)
-        skills = find_skills(registry, asked.name) if asked.kind in ("", SKILL) else []
+        kinds = [registry.kind_of(asked.kind).name] if asked.kind not in ("", SKILL) else []
+        if asked.name and kinds:
+            registry.get(asked.kind, asked.name)
+        if asked.name and asked.kind == SKILL and asked.name not in registry.skills:
+            raise UnknownComponentError(SKILL, asked.name, registry.skills)
     except ConfigurationError as error:
         print(f"gvla2: {printable(str(error))}", file=sys.stderr)
         return 2
     out = console()
-    if offers:
-        listing = table("kind", "choice", "what it is", "from")
-        for kind, found in offers.items():
-            for offer in found:
-                row(listing, kind, offer.component.name, offer.component.summary, _origin(offer.plugin))
-            listing.add_section()
+    listing = table("kind", "choice", "what it is", "from")
+    for kind in kinds or ([] if asked.kind else registry.kinds):
+        for name, offer in registry.offers(kind).items():
+            if not asked.name or name == asked.name:
+                row(listing, kind, name, offer.component.summary, _origin(offer.plugin))
+        listing.add_section()
+    if listing.row_count:
         out.print(listing)
-    if asked.kind in offers:
-        for offer in offers[asked.kind]:
-            _print_options(asked.kind, offer)
-    if skills:
-        _print_skills(registry, skills, details=bool(asked.name))
+    for kind in kinds:
+        for name, offer in registry.offers(kind).items():
+            if not asked.name or name == asked.name:
+                _print_options(kind, offer)
+    if asked.kind in ("", SKILL):
+        shown = [skill for name, skill in registry.skills.items() if not asked.name or name == asked.name]
+        _print_skills(registry, shown, details=bool(asked.name))
     if not asked.kind:
         out.print(
             "`gvla2 plugins KIND` shows the options; `gvla2 run KIND=CHOICE KIND.OPTION=VALUE` sets them."
@@ -83,26 +89,6 @@ def main(argv: Sequence[str]) -> int:
             row(troubles, problem.plugin, problem.hook or "-", problem.message)
         out.print(troubles)
     return 0
-
-
-def find_offers(registry: Registry, kind: str, name: str = "") -> dict[str, list[Offer]]:
-    """The offers by kind: all of them, those of one kind (none for "skill"), or the one of that name.
-
-    Raises :class:`ConfigurationError` with the names that exist.
-    """
-    kinds = [] if kind == SKILL else [registry.kind_of(kind).name] if kind else list(registry.kinds)
-    if name and kinds:
-        registry.get(kind, name)
-    return {
-        own: [offer for found, offer in registry.offers(own).items() if name in ("", found)] for own in kinds
-    }
-
-
-def find_skills(registry: Registry, name: str = "") -> list[Skill]:
-    """The skill of that name, or all; raises :class:`UnknownComponentError` with the names that exist."""
-    if name and name not in registry.skills:
-        raise UnknownComponentError(SKILL, name, registry.skills)
-    return [registry.skills[name]] if name else list(registry.skills.values())
 
 
 def options(config: type) -> list[Option]:

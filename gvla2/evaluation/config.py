@@ -187,6 +187,10 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     the planner fails, ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose
     planner takes longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the
     next bench measures it again. The reconstruction branch runs where a ``reconstructor`` is chosen.
+
+    ``films`` are kept of "none" of the test's episodes, of "failures", or of "all": each is the folder of a run. Tasks
+    named SUITE/NUMBER are also counted by suite and by ``groups`` of suites, beside ``published`` results: by system,
+    what it was ``given`` and its ``success`` in per cent by suite or group.
     """
 
     suite: str = "robot"
@@ -198,6 +202,9 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     exploration_replan: int = 0
     replan: int = 0
     planner_timeout: float = 0.0
+    films: str = "none"
+    groups: dict[str, list[str]] = field(default_factory=dict)
+    published: dict[str, Any] = field(default_factory=dict)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     fallback: ComponentConfig = field(default_factory=ComponentConfig)
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
@@ -207,6 +214,7 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
         below = [name for name in ("replan", "exploration_replan") if getattr(self, name) < 0]
         _require(
             (self.world in ("plain", LEARNABLE), f"world is '{self.world}'; it is plain or {LEARNABLE}."),
+            (self.films in ("none", "failures", "all"), f"films is '{self.films}'; it is none, failures or all."),
             (not below, f"{', '.join(below)} must not be negative."),
             (min(self.layouts, default=0) >= 0, "layouts must not be negative."),
             (self.families >= 1, "families must be 1 or more."),

@@ -47,18 +47,20 @@ class Surface:
     texture: Texture | None = None
 
     def __post_init__(self) -> None:
-        what, faces = f"Surface {self.id}", np.asarray(self.faces, dtype=np.int64)
+        faces, rgb = np.asarray(self.faces, dtype=np.int64), np.asarray(self.rgb, dtype=np.float64)
         try:
             mesh = TriangleMesh(self.vertices, faces if faces.size else faces.reshape(-1, 3))
         except GeometryError as error:
-            raise GeometryError(f"{what}: {error}") from error
-        count, rgb = len(mesh.faces), np.asarray(self.rgb, dtype=np.float64)
+            raise GeometryError(f"Surface {self.id}: {error}") from error
+        count = len(mesh.faces)
         if rgb.shape not in ((3,), (count, 3)) or not ((rgb >= 0) & (rgb <= 1)).all():
-            raise GeometryError(f"{what}: rgb must be (3,) or (F, 3) in [0, 1], got shape {rgb.shape}.")
-        if self.id < 0:
-            raise GeometryError(f"{what}: ids start at 0, -1 stands for the background.")
-        if self.texture is not None and len(self.texture.uv) != count:
-            raise GeometryError(f"{what}: {count} faces but a texture of {len(self.texture.uv)}.")
+            raise GeometryError(
+                f"Surface {self.id}: rgb must be (3,) or (F, 3) in [0, 1], got shape {rgb.shape}."
+            )
+        if self.id < 0 or (self.texture is not None and len(self.texture.uv) != count):
+            raise GeometryError(
+                f"Surface {self.id}: ids start at 0 (-1 is background); textures have {count} faces."
+            )
         for name, value in (("vertices", mesh.vertices), ("faces", mesh.faces), ("rgb", rgb)):
             object.__setattr__(self, name, value)
 
@@ -90,7 +92,13 @@ class RayCaster:
         self._surfaces = tuple(surfaces)
         self._background = _as_bytes(np.array(background, dtype=np.float64))
         self._first_faces = np.cumsum([0] + [len(s.faces) for s in self._surfaces])
-        self._normals, self._plane_offsets = _face_planes(self._surfaces)
+        # All faces' unit normals n and offsets n . x, in the surfaces' frames; 0 for a face without area.
+        normals = [TriangleMesh(s.vertices, s.faces).normals for s in self._surfaces]
+        firsts = [s.vertices[s.faces[:, 0]] for s in self._surfaces]
+        self._normals = np.concatenate([np.zeros((0, 3)), *normals])
+        self._plane_offsets = np.einsum(
+            "ij,ij->i", self._normals, np.concatenate([np.zeros((0, 3)), *firsts])
+        )
         self._rgb = np.concatenate(
             [np.broadcast_to(s.rgb, (len(s.faces), 3)) for s in self._surfaces] or [np.zeros((0, 3))]
         ).astype(np.float32)
@@ -130,37 +138,23 @@ class RayCaster:
         ids = np.append(self._ids, np.int32(-1))
         depth[np.isinf(depth)] = np.nan
         image = np.take(colours, hits, axis=0)
-        for index, pose in enumerate(poses):
-            self._paint(index, pose, camera, image, depth, hits, shades)
+        for index, surface in enumerate(self._surfaces):
+            if surface.texture is None:
+                continue
+            first = self._first_faces[index]
+            rows, columns = np.nonzero((hits >= first) & (hits < first + len(surface.faces)))
+            distance = depth[rows, columns].astype(np.float64)
+            pixels = np.column_stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
+            points = transform_points(
+                camera.world_from_camera, pixels @ np.linalg.inv(camera.K).T * distance[:, None]
+            )
+            shown = hits[rows, columns] - first
+            points = transform_points(invert_rigid(poses[index]), points)
+            weights = barycentric(surface.vertices, surface.faces[shown], points)
+            seen = surface.texture.at(shown, weights, distance / camera.K[0, 0])
+            shade = shades[first + shown][:, None]
+            image[rows, columns] = _as_bytes(self._rgb[first + shown] * seen * shade)
         return RayImage(image, depth, np.take(ids, hits))
-
-    def _paint(
-        self,
-        index: int,
-        pose: FloatArray,
-        camera: Camera,
-        image: NDArray[np.uint8],
-        depth: NDArray[np.float32],
-        hits: NDArray[np.int64],
-        shades: NDArray[np.float32],
-    ) -> None:
-        """Colour the pixels of ``image`` that show the textured surface ``index``, posed at ``pose`` (4, 4)."""
-        surface, first = self._surfaces[index], self._first_faces[index]
-        if surface.texture is None:
-            return
-        rows, columns = np.nonzero((hits >= first) & (hits < first + len(surface.faces)))
-        if len(rows) == 0:
-            return
-        distance = depth[rows, columns].astype(np.float64)
-        pixels = np.column_stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
-        points = transform_points(
-            camera.world_from_camera, pixels @ np.linalg.inv(camera.K).T * distance[:, None]
-        )
-        faces = hits[rows, columns] - first
-        corners = surface.faces[faces]
-        weights = barycentric(surface.vertices, corners, transform_points(invert_rigid(pose), points))
-        seen = surface.texture.at(faces, weights, distance / camera.K[0, 0])
-        image[rows, columns] = _as_bytes(self._rgb[first + faces] * seen * shades[first + faces][:, None])
 
     def _shades(
         self, camera: Camera, poses: Sequence[FloatArray], faces: NDArray[np.int64]
@@ -188,15 +182,6 @@ def barycentric(vertices: FloatArray, faces: NDArray[np.int64], points: FloatArr
 
 def _as_bytes(rgb: NDArray[np.floating]) -> NDArray[np.uint8]:
     return np.asarray(np.clip(np.rint(255 * rgb), 0, 255), dtype=np.uint8)
-
-
-def _face_planes(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:
-    """All faces' unit normals n (F, 3) and offsets n . x (F,), in the surfaces' frames; 0 for a face without area."""
-    normals, offsets = [np.zeros((0, 3))], [np.zeros(0)]
-    for surface in surfaces:
-        normals.append(TriangleMesh(surface.vertices, surface.faces).normals)
-        offsets.append(np.einsum("ij,ij->i", normals[-1], surface.vertices[surface.faces[:, 0]]))
-    return np.concatenate(normals), np.concatenate(offsets)
 
 
 @compiled

@@ -48,14 +48,13 @@ def ask_typed(
     parse: Callable[[str], T],
     *,
     purpose: str,
-    schema: Mapping[str, Any] | None = None,
-    grammar: str | None = None,
     tries: int = 3,
     seed: int = 0,
-    temperature: float | None = None,
-    max_tokens: int | None = None,
+    **options: Any,
 ) -> Answered[T]:
     """Ask until ``parse`` accepts the answer; it raises :class:`ValueError` with a sentence on what is wrong.
+
+    ``options`` are a :class:`Request`'s: ``schema``, ``grammar``, ``temperature``, ``max_tokens``.
 
     The rejected answer and the sentence go back to the model, with another seed and at least the temperature
     :data:`WARM`. A truncated answer is always rejected.
@@ -65,8 +64,7 @@ def ask_typed(
     """
     if tries < 1:
         raise ValueError(f"tries is {tries}; it must be at least 1.")
-    question = Request(messages, seed=seed, temperature=temperature, max_tokens=max_tokens)
-    question = replace(question, schema=schema, grammar=grammar)
+    question = Request(messages, seed=seed, **options)
     added, why, transcript = tuple(messages), "", list[Mapping[str, Any]]()
     for _ in range(tries):
         said, parsed = Completion(""), list[T]()
@@ -89,7 +87,7 @@ def ask_typed(
             question,
             messages=(*question.messages, *added),
             seed=(question.seed or 0) + 1,
-            temperature=max(temperature or 0.0, WARM),
+            temperature=max(question.temperature or 0.0, WARM),
         )
     unusable = UnusableAnswerError(f"No usable answer in {tries} tries; the last time: {why}")
     unusable.transcript = tuple(transcript)
@@ -113,8 +111,8 @@ def _entry(added: Sequence[Message], asked: Request, said: Completion, why: str)
         "prompt": [{**message, "content": _shown(message.get("content"))} for message in added],
         "answer": said.text,
         "rejected": why,
-        "prompt_tokens": said.usage.prompt_tokens,
-        "completion_tokens": said.usage.completion_tokens,
+        "prompt_tokens": said.prompt_tokens,
+        "completion_tokens": said.completion_tokens,
         "seconds": round(said.latency, 3),
         "cached": said.cached,
         "seed": asked.seed,

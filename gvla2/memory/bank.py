@@ -47,8 +47,6 @@ from gvla2.memory.store import Store, resolved_address
 from gvla2.memory.view import Problem, audit
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
-JUDGED, REPLAYED = 16, 1
-"""Maximum number of pairs of lessons that a judge decides after each episode, and of episodes verified again."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +62,11 @@ class Hit:
 class KnowledgeBank(OpenBank, Closing):
     """A named bank, for any number of processes and threads.
 
-    ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or an open store, which is closed with
-    the bank; "" is the user's own memory. It is created if missing. By default it ranks by words, vectors, quality and
-    geometry, and induces lessons by rules. Texts are embedded by the static table unless an ``embedder`` is given.
-    ``verifier`` judges stored episodes again, ``judge`` decides whether similar lessons in words contradict each other;
-    ``clock`` gives seconds since the epoch. Waits for other processes at most ``busy_seconds`` at a time.
+    ``address`` is a path, ``sqlite:///path`` or ``postgresql://user@host/name``; "" is the user's own memory. It is
+    created if missing. By default it ranks by words, vectors, quality and geometry, and induces lessons by rules. Texts
+    are embedded by the static table unless an ``embedder`` is given. ``verifier`` judges stored episodes again,
+    ``judge`` decides whether similar lessons in words contradict each other; ``clock`` gives seconds since the epoch.
+    Waits for other processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers it
     as a memory turns that into a degraded answer. Invalid options raise :class:`~gvla2.errors.ConfigurationError`.
@@ -76,7 +74,7 @@ class KnowledgeBank(OpenBank, Closing):
 
     def __init__(
         self,
-        address: str | Path | Store = "",
+        address: str | Path = "",
         *,
         bank: str = "default",
         retriever: Retriever | None = None,
@@ -94,9 +92,7 @@ class KnowledgeBank(OpenBank, Closing):
         self._retriever: Retriever = retriever or HybridRetriever()
         if options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
-        store = address
-        if not isinstance(store, Store):
-            store = Store.open(store or resolved_address("", os.environ), busy_seconds=busy_seconds)
+        store = Store.open(address or resolved_address("", os.environ), busy_seconds=busy_seconds)
         embedder = embedder or StaticEmbedder()
         super().__init__(store, bank, Index(store, bank, embedder), embedder, options, inducer, clock)
         self._lock = threading.RLock()
@@ -145,9 +141,9 @@ class KnowledgeBank(OpenBank, Closing):
         with self._lock:
             learned = learn(self, episode, verdict)
             if self._judge is not None and self.options.governance:
-                review.judge(self, self._judge, about=learned.added, limit=JUDGED)
+                review.judge(self, self._judge, learned.added)
             if self._verifier is not None and self.options.replay:
-                review.replay(self, self._verifier, limit=REPLAYED, but=episode.source)
+                review.replay(self, self._verifier, but=episode.source)
             return learned
 
     def admit(

@@ -50,7 +50,11 @@ class StaticEmbedder:
     """
 
     def __init__(self, folder: Path | None = None) -> None:
-        self._table, self._tokenizer, self._model = _loaded(model_folder() if folder is None else folder)
+        what = f"the package '{PACKAGE}' (a table of token vectors, 16 MB, no download at run time)"
+        folder = folder or package_folder(
+            PACKAGE, what, "The embedder 'static'", f"pip install {PACKAGE}", "MIT"
+        )
+        self._table, self._tokenizer, self._model = _loaded(folder)
 
     @property
     def model(self) -> str:
@@ -80,18 +84,11 @@ class StaticEmbedder:
         return rows
 
 
-def model_folder() -> Path:
-    """The folder of the package's files."""
-    if (folder := package_folder(PACKAGE)) is None:
-        what = f"the package '{PACKAGE}' (a table of token vectors, 16 MB, no download at run time)"
-        raise MissingDependencyError(what, "The embedder 'static'", f"pip install {PACKAGE}", "MIT")
-    return folder
-
-
-def package_folder(package: str) -> Path | None:
-    """The folder of an installed package, which is not imported; None if it is missing."""
-    found = importlib.util.find_spec(package)
-    return Path(next(iter(found.submodule_search_locations or ("",)))) if found else None
+def package_folder(package: str, what: str, needed_by: str, install: str, licence: str) -> Path:
+    """The folder of an installed package, which is not imported; raises :class:`MissingDependencyError`."""
+    if (found := importlib.util.find_spec(package)) is None:
+        raise MissingDependencyError(what, needed_by, install, licence)
+    return Path(next(iter(found.submodule_search_locations or ("",))))
 
 
 @lru_cache(maxsize=2)

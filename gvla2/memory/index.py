@@ -14,7 +14,7 @@ from gvla2.memory.contracts import Embedder
 from gvla2.memory.embedding import StaticEmbedder, record_vectors
 from gvla2.memory.records import OUTCOMES, TYPES, Record
 from gvla2.memory.store import Store
-from gvla2.memory.view import RecordChange
+from gvla2.memory.view import Embedded
 
 STATES = ("provisional", "active")
 """The states held in RAM; a record of any other is dropped."""
@@ -23,7 +23,7 @@ STATES = ("provisional", "active")
 class Index:
     """The records of ``bank`` that may be ranked, with vectors by ``embedder``. Not thread-safe.
 
-    It reads the bank's ``rev`` and applies newer changes. Stored vectors of another model are replaced, except by the
+    It is read anew when the bank's ``rev`` differs. Stored vectors of another model are replaced, except by the
     static table's: those are quickly made.
     """
 
@@ -36,9 +36,6 @@ class Index:
         self._candidates: dict[tuple[str, ...], Candidates] = {}
         self._made: list[tuple[Record, NDArray[np.float32]]] = []
 
-    def __len__(self) -> int:
-        return len(self._held)
-
     def clear(self) -> None:
         """Forget everything: the next refresh reads the whole bank."""
         self.rev = 0
@@ -46,26 +43,20 @@ class Index:
         self._candidates.clear()
 
     def refresh(self) -> None:
-        """Apply newer changes of the store's bank; quick when there are none.
+        """Read the store's bank if it changed; quick if it did not.
 
         Raises :class:`~gvla2.errors.MemoryStoreError` when the store cannot be read; the index is then unchanged.
         """
-        rev = self._store.rev(self.bank)
-        if rev == self.rev:
+        if self._store.rev(self.bank) == self.rev:
             return
-        since = self.rev if rev > self.rev else 0  # else a different database replaced the known one
         with self._store.reading(self.bank) as view:
-            rev, changes = view.rev, view.changes(since)
-        kept = [
+            rev, stored = view.rev, view.embedded(STATES)
+        held = [
             HeldRecord(one.record, vector, one.conflicts)
-            for one, vector in self._with_vectors(changes)
+            for one, vector in self._with_vectors(stored)
             if one.record.type in TYPES and one.record.outcome in OUTCOMES
         ]
-        if not since:
-            self.clear()
-        for change in changes:
-            self._held.pop(change.record.id, None)
-        self._held |= {one.record.id: one for one in kept}
+        self._held = {one.record.id: one for one in held}
         self._candidates.clear()
         self.rev = rev
 
@@ -116,20 +107,18 @@ class Index:
         held = [one.record for one in self._held.values() if one.record.state == state]
         return sorted(held, key=lambda record: record.id)
 
-    def _with_vectors(
-        self, changes: Sequence[RecordChange]
-    ) -> list[tuple[RecordChange, NDArray[np.float32]]]:
-        """The changes to hold, with the stored (D,) vectors by this embedder's model, and new ones for the others."""
-        model, kept = self._embedder.model, [one for one in changes if one.record.state in STATES]
-        stored = {
+    def _with_vectors(self, stored: Sequence[Embedded]) -> list[tuple[Embedded, NDArray[np.float32]]]:
+        """The records with the stored (D,) vectors by this embedder's model, and new ones for the others."""
+        model = self._embedder.model
+        vectors = {
             one.record.id: one.vector
-            for one in kept
+            for one in stored
             if one.model == model and one.vector is not None and one.vector.shape == self._shape
         }
-        missing = [one for one in kept if one.record.id not in stored]
+        missing = [one for one in stored if one.record.id not in vectors]
         made = record_vectors(self._embedder, [(one.record.query, one.record.content) for one in missing])
         for one, vector in zip(missing, np.nan_to_num(made), strict=True):
-            stored[one.record.id] = vector
+            vectors[one.record.id] = vector
             if not one.model or (self._replaces and one.model != model):
                 self._made.append((one.record, vector))
-        return [(one, stored[one.record.id]) for one in kept]
+        return [(one, vectors[one.record.id]) for one in stored]

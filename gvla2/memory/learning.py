@@ -101,12 +101,16 @@ class LessonLedger:
         if record.state not in STATES:
             vector = None
         elif vector is None and (held is None or held.record.text != record.text):
-            vector = record_vectors(self._embedder, [(record.query, record.content)])[0]
+            vector = self.vector(record)
         if vector is not None:
             model = self._embedder.model
         stored = self.transaction.put(record, action, vector=vector, model=model, why=why, origin=origin)
         self.index.put(stored, vector)
         return stored
+
+    def vector(self, record: Record) -> Vector:
+        """(D,) the vector of a record's text."""
+        return record_vectors(self._embedder, [(record.query, record.content)])[0]
 
     def archive(self, record: Record, action: str, why: str) -> None:
         """Archive a record; its note says why."""
@@ -135,6 +139,11 @@ class JudgedEpisode:
     verdict: Verdict
     own: bool
     unsure: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def origin(self) -> str:
+        """The origin of its evidence, for the chain of events."""
+        return f"{'own' if self.own else 'foreign'}:{self.episode.source}"
 
     @classmethod
     def lesson(
@@ -222,11 +231,11 @@ def _unsure(written: Iterable[Lesson], episode: MemoryEpisode, verdict: Verdict)
 
 def _store_lessons(ledger: LessonLedger, drafts: Drafts, fates: list[Learned]) -> None:
     for one, some in drafts:
-        learning = Learning(ledger, one)
-        fates += [learning.add(record, vector) for record, vector in some]
+        fates += [_add(ledger, one, record, vector) for record, vector in some]
         if one.episode.source:
             known = ledger.transaction.episodes([one.episode.source]).get(one.episode.source)
-            ledger.transaction.save_episode(_kept(known, one, learning.touched, ledger.now))
+            touched = [record.id for record, _ in some]
+            ledger.transaction.save_episode(_kept(known, one, touched, ledger.now))
     if ledger.options.governance:
         govern(ledger)
 
@@ -262,83 +271,75 @@ def _kept(
     )
 
 
-class Learning:
-    """Adds the lessons of one episode to a bank, within one transaction."""
-
-    def __init__(self, ledger: LessonLedger, judged: JudgedEpisode) -> None:
-        self._ledger, self._episode, self._verdict = ledger, judged.episode, judged.verdict
-        self._origin = f"{'own' if judged.own else 'foreign'}:{judged.episode.source}"
-        self.touched: list[str] = []
-
-    def add(self, fresh: Record, vector: Vector) -> Learned:
-        """Add the new record, merge it, promote what it confirms, or leave the bank as it is."""
-        ledger = self._ledger
-        fresh = replace(fresh, created=ledger.now, updated=ledger.now)
-        known = ledger.transaction.by_key(fresh.dedup_key)
+def _add(ledger: LessonLedger, one: JudgedEpisode, fresh: Record, vector: Vector) -> Learned:
+    """Add the new record, merge it, promote what it confirms, or leave the bank as it is."""
+    fresh = replace(fresh, created=ledger.now, updated=ledger.now)
+    known = ledger.transaction.by_key(fresh.dedup_key)
+    if known is None and fresh.state != "active":
+        ledger.put(fresh, "PROVISIONAL", fresh.note, vector=vector, origin=one.origin)
+        return Learned(provisional=(fresh.id,), notes=(f"{fresh.id} is provisional: {fresh.note}.",))
+    if known is None:
+        return _activate(ledger, one, fresh, vector=vector)
+    counted = known.state != "provisional" and one.episode.source in known.sources()
+    if fresh.state != "active" or (counted and known.state == "archive"):
+        why = "stays archived: it rests on this episode already"
         if fresh.state != "active":
-            if known is not None:
-                why = f"is {known.state}: a repeat that is not believed changes nothing"
-                return self._unchanged(known, why)
-            self._store(fresh, "PROVISIONAL", fresh.note, vector)
-            return Learned(provisional=(fresh.id,), notes=(f"{fresh.id} is provisional: {fresh.note}.",))
-        if known and known.state != "provisional" and self._episode.source in known.sources():
-            if known.state == "archive":
-                return self._unchanged(known, "stays archived: it rests on this episode already")
-            why = "already rests on this episode, which counts once"
-            self._unchanged(known, why, "REPEATED")
-            return Learned(merged=(known.id,), notes=(f"{known.id} {why}.",))
-        if known and known.state == "active":
-            grown = confirmed(known, fresh, self._episode, self._verdict, ledger.now)
-            self._store(grown, "MERGE", "one more episode says the same")
-            return Learned(merged=(known.id,))
-        return self._activate(fresh, known, vector)
-
-    def _unchanged(self, known: Record, why: str, action: str = "DISCARD") -> Learned:
-        """The record that is known stays as it is."""
-        self._ledger.transaction.decide(action, known.id, why=why)
-        self.touched.append(known.id)
+            why = f"is {known.state}: a repeat that is not believed changes nothing"
+        ledger.transaction.decide("DISCARD", known.id, why=why)
         return Learned(discarded=1, notes=(f"{known.id} {why}.",))
+    if counted:
+        why = "already rests on this episode, which counts once"
+        ledger.transaction.decide("REPEATED", known.id, why=why)
+        return Learned(merged=(known.id,), notes=(f"{known.id} {why}.",))
+    if known.state == "provisional":
+        return _activate(ledger, one, restarted(known, fresh, one.episode), verified=True)
+    grown = confirmed(known, fresh, one.episode, one.verdict, ledger.now)
+    if known.state == "active":
+        ledger.put(grown, "MERGE", "one more episode says the same", origin=one.origin)
+        return Learned(merged=(known.id,))
+    again = replace(grown, state="active", outcome=fresh.outcome, trust="own", note="")
+    return _activate(ledger, one, again, verified=True)
 
-    def _activate(self, fresh: Record, known: Record | None, vector: Vector) -> Learned:
-        """Make a lesson active, unless a record of its type with more evidence contradicts it."""
-        ledger, record = self._ledger, fresh
-        if known is not None and known.state == "provisional":
-            record = restarted(known, fresh, self._episode)
-        elif known is not None:
-            grown = confirmed(known, fresh, self._episode, self._verdict, ledger.now)
-            record = replace(grown, state="active", outcome=fresh.outcome, trust="own", note="")
-        compared = ledger.options.governance and record.effect  # texts are for a judge
-        near = ledger.index.nearest(vector, RIVALS) if compared else ()
-        against = [
-            (rival, why)
-            for rival, cosine in near
-            if cosine >= UNLIKE and rival.id != record.id and (why := conflict_of(record, rival))
-        ]
-        losers = [rival for rival, _ in against if rival.type == record.type]
-        strongest = min(losers, key=standing, default=None)
-        # On equal weight the later one wins. A hint and a constraint both stay, linked.
-        if strongest is not None and standing(record)[:2] > standing(strongest)[:2]:
-            why = f"it contradicts and is outweighed by {strongest.id}"
-            self._store(replace(record, state="archive", note=why), "DISCARD", why)
-            fate = Learned(discarded=1, notes=(f"{record.id} was archived: {why}.",))
-        else:
-            action, why = "ADD", "nothing in the bank says the same"
-            if strongest is not None:
-                action, why = "REPLACE", f"it contradicts and outweighs {strongest.id}"
-            self._store(record, action, why, None if known else vector)
-            notes = [f"{record.id} is verified now and became active."] if known else []
-            for loser in losers:
-                ledger.archive(loser, "REPLACED", f"replaced by {record.id}")
-                notes.append(f"{record.id} replaces {loser.id}: {dict(against)[loser]}.")
-            ids = (record.id,)
-            fate = Learned(() if known else ids, ids if known else (), notes=tuple(notes))
-        for rival, why in against:
-            ledger.transaction.link(record.id, "conflict", rival.id, why)
-        return fate
 
-    def _store(self, record: Record, action: str, why: str, vector: Vector | None = None) -> None:
-        self._ledger.put(record, action, why, vector=vector, origin=self._origin)
-        self.touched.append(record.id)
+def _activate(
+    ledger: LessonLedger,
+    one: JudgedEpisode,
+    record: Record,
+    *,
+    vector: Vector | None = None,
+    verified: bool = False,
+) -> Learned:
+    """Make a lesson active, unless a record of its type with more evidence contradicts it.
+
+    ``vector`` (D,) is that of a new one; ``verified`` says that the bank knew it already, not active.
+    """
+    against: list[tuple[Record, str]] = []
+    if ledger.options.governance and record.effect:  # texts are for a judge
+        vector = ledger.vector(record) if vector is None else vector
+        near = ledger.index.nearest(vector, RIVALS)
+        rivals = [rival for rival, cosine in near if cosine >= UNLIKE and rival.id != record.id]
+        against = [(rival, why) for rival in rivals if (why := conflict_of(record, rival))]
+    losers = [rival for rival, _ in against if rival.type == record.type]
+    strongest = min(losers, key=standing, default=None)
+    # On equal weight the later one wins. A hint and a constraint both stay, linked.
+    if strongest is not None and standing(record)[:2] > standing(strongest)[:2]:
+        why = f"it contradicts and is outweighed by {strongest.id}"
+        ledger.put(replace(record, state="archive", note=why), "DISCARD", why, origin=one.origin)
+        fate = Learned(discarded=1, notes=(f"{record.id} was archived: {why}.",))
+    else:
+        action, why = "ADD", "nothing in the bank says the same"
+        if strongest is not None:
+            action, why = "REPLACE", f"it contradicts and outweighs {strongest.id}"
+        ledger.put(record, action, why, vector=vector, origin=one.origin)
+        notes = [f"{record.id} is verified now and became active."] if verified else []
+        for loser in losers:
+            ledger.archive(loser, "REPLACED", f"replaced by {record.id}")
+            notes.append(f"{record.id} replaces {loser.id}: {dict(against)[loser]}.")
+        ids = (record.id,)
+        fate = Learned(() if verified else ids, ids if verified else (), notes=tuple(notes))
+    for rival, why in against:
+        ledger.transaction.link(record.id, "conflict", rival.id, why)
+    return fate
 
 
 def govern(ledger: LessonLedger) -> None:

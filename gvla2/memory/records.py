@@ -32,15 +32,14 @@ MAX_QUERY, MAX_PHRASINGS = 1000, 8
 @dataclass(frozen=True, slots=True)
 class Record:
     """One lesson in a bank. Links and the embedding are kept apart, see :class:`~gvla2.memory.tables.Link` and
-    :class:`~gvla2.memory.view.RecordChange`.
+    :class:`~gvla2.memory.view.Embedded`.
 
     ``query`` are the instructions it came from, one per line; ``count`` how many episodes say the same; ``usage`` how
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one that was
     verified as either. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
     ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect`` one
     or "". ``trust`` follows from the origins of its events. Only the store sets ``version``, which counts the changes
-    of this record (0: not stored yet), and ``rev``, the number of the bank's transaction that last changed it or a link
-    of it.
+    of this record (0: not stored yet), and ``rev``, the number of the bank's transaction that last changed it.
     """
 
     id: str

@@ -6,70 +6,53 @@ Both work outside any transaction, and what they decide is stored in short ones.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import islice
 
 from gvla2.memory.admission import conflict_of, credible, pooled_quality, standing, verdict_of, weigh
-from gvla2.memory.contracts import Evidence, Judge, Lesson, LessonPair, Verdict, Verifier
+from gvla2.memory.contracts import Evidence, Judge, Judgement, Lesson, LessonPair, Verdict, Verifier
 from gvla2.memory.learning import LessonLedger, OpenBank, deciding
 from gvla2.memory.options import BankOptions
 from gvla2.memory.records import Record
 from gvla2.memory.tables import StoredEpisode
 from gvla2.memory.view import pairs_of
 
-BATCH = 16
-"""Pairs per request to a judge."""
+PAIRS = 16
+"""Maximum number of pairs of lessons that a judge decides at a time."""
 NEAREST, MATCH = 4, 0.35
 """Number of records near to each that a judge compares it with, and their least cosine."""
-Pair = tuple[str, str]
 
 
-@dataclass
-class Judged:
-    """The result of judging: pairs of ids by decision, ids of the archived ones, and why pairs were left open."""
-
-    conflicts: list[Pair] = field(default_factory=list)
-    dismissed: list[Pair] = field(default_factory=list)
-    archived: list[str] = field(default_factory=list)
-    open: list[str] = field(default_factory=list)
-
-
-def judge(
-    bank: OpenBank, judge: Judge, *, about: Collection[str] | None = None, limit: int | None = None
-) -> Judged:
-    """Let the judge decide at most ``limit`` pairs of similar lessons in words, with a record in ``about`` if given.
+def judge(bank: OpenBank, judge: Judge, about: Collection[str]) -> None:
+    """Let the judge decide pairs of similar lessons in words, one of each pair in ``about``.
 
     Of two of one type that contradict each other the less trusted is archived, of equally trusted ones the one with
-    less evidence; a hint and a constraint both stay, linked.
+    less evidence; a hint and a constraint both stay, linked. A pair that it leaves open is asked about again later.
     """
-    done = Judged()
     bank.index.refresh()
-    pairs = list(islice(_undecided(bank, about), limit))
-    for start in range(0, len(pairs), BATCH):
-        batch = pairs[start : start + BATCH]
-        shown = [LessonPair(a.content, b.content, a.query, b.query) for a, b in batch]
-        answers = list(zip(batch, judge.judge(shown), strict=True))
-        done.open += [answer.reason for _, answer in answers if answer.contradicts is None]
-        decided = [(pair, answer) for pair, answer in answers if answer.contradicts is not None]
-        if not decided:
-            continue
+    pairs = list(islice(_undecided(bank, about), PAIRS))
+    answers = (
+        judge.judge([LessonPair(a.content, b.content, a.query, b.query) for a, b in pairs]) if pairs else ()
+    )
+    given = zip(pairs, answers, strict=True)
+    if decided := [(pair, answer) for pair, answer in given if answer.contradicts is not None]:
         with deciding(bank, "judge") as ledger:
-            for pair, answer in decided:
-                first, second = (ledger.transaction.get(record.id) for record in pair)
-                if first is None or second is None or {first.state, second.state} != {"active"}:
-                    continue  # changed meanwhile
-                why = f"{answer.judge}: {answer.reason} (p = {answer.probability:.2f})"
-                kind = "conflict" if answer.contradicts else "dismissed"
-                ledger.transaction.link(first.id, kind, second.id, why)
-                (done.conflicts if answer.contradicts else done.dismissed).append((first.id, second.id))
-                if answer.contradicts and first.type == second.type:
-                    winner, loser = sorted((first, second), key=standing)
-                    ledger.archive(loser, "JUDGED", f"contradicted by {winner.id}")
-                    done.archived.append(loser.id)
-    return done
+            for (a, b), answer in decided:
+                _settle_words(ledger, a.id, b.id, answer)
 
 
-def _undecided(bank: OpenBank, about: Collection[str] | None) -> Iterable[tuple[Record, Record]]:
+def _settle_words(ledger: LessonLedger, first_id: str, second_id: str, answer: Judgement) -> None:
+    first, second = ledger.transaction.get(first_id), ledger.transaction.get(second_id)
+    if first is None or second is None or {first.state, second.state} != {"active"}:
+        return  # changed meanwhile
+    why = f"{answer.judge}: {answer.reason} (p = {answer.probability:.2f})"
+    ledger.transaction.link(first.id, "conflict" if answer.contradicts else "dismissed", second.id, why)
+    if answer.contradicts and first.type == second.type:
+        winner, loser = sorted((first, second), key=standing)
+        ledger.archive(loser, "JUDGED", f"contradicted by {winner.id}")
+
+
+def _undecided(bank: OpenBank, about: Collection[str]) -> Iterable[tuple[Record, Record]]:
     """Similar lessons in words that no judge has decided on, the latest first."""
     with bank.store.reading(bank.bank) as view:
         linked = pairs_of(view.links())
@@ -77,7 +60,7 @@ def _undecided(bank: OpenBank, about: Collection[str] | None) -> Iterable[tuple[
     records = [record for record in bank.index.records("active") if not record.effect]
     for record in sorted(records, key=lambda r: (-r.updated, r.id)):
         held = bank.index.get(record.id)
-        if held is None or (about is not None and record.id not in about):
+        if held is None or record.id not in about:
             continue
         for other, cosine in bank.index.nearest(held.vector, NEAREST + 1):
             pair = (min(record.id, other.id), max(record.id, other.id))
@@ -89,53 +72,37 @@ def _undecided(bank: OpenBank, about: Collection[str] | None) -> Iterable[tuple[
             yield record, other
 
 
-@dataclass
-class Replayed:
-    """The result of a replay: ids by decision, the number of episodes, and why some could not be judged."""
-
-    promoted: list[str] = field(default_factory=list)
-    demoted: list[str] = field(default_factory=list)
-    confirmed: list[str] = field(default_factory=list)
-    episodes: int = 0
-    notes: list[str] = field(default_factory=list)
-
-
-def replay(bank: OpenBank, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
+def replay(bank: OpenBank, verifier: Verifier, *, limit: int = 1, but: str = "") -> None:
     """Verify doubtful episodes again, and promote or demote their lessons accordingly.
 
     At most ``limit`` episodes, except that of source ``but``. A verifier that is unavailable changes nothing.
     """
-    done = Replayed()
     for episode in _doubtful(bank, limit, but):
         shown = Evidence(episode.task.query, episode.transcript, episode.facts)
         verdict, _ = credible(verdict_of(verifier, shown))
-        done.episodes += 1
-        if verdict.outcome == "unavailable":
-            done.notes += verdict.reasons
-        else:
-            _revise(bank, episode.source, verdict, done)
-    return done
+        if verdict.outcome != "unavailable":
+            _revise(bank, episode.source, verdict)
 
 
-def _doubtful(bank: OpenBank, limit: int | None, but: str) -> list[StoredEpisode]:
+def _doubtful(bank: OpenBank, limit: int, but: str) -> list[StoredEpisode]:
     """The episodes behind doubtful records (provisional, contested or uncertain), the least certain first.
 
     Those judged least often come before all others, so that none is judged over and over.
     """
     with bank.store.reading(bank.bank) as view:
         records = view.records(["provisional", "active"])
-        contested = view.conflicts({record.id for record in records})
+        contested = view.conflicts()
         least, listed = bank.options.replay_confidence, dict[str, None]()
         for one in sorted(records, key=lambda one: (one.confidence, one.updated, one.id)):
             if one.state == "provisional" or one.id in contested or one.confidence < least:
                 listed |= dict.fromkeys(reversed(one.sources()))  # the latest one first
-        sources = [source for source in listed if source != but][: None if limit is None else 8 * limit]
+        sources = [source for source in listed if source != but][: 8 * limit]
         episodes = view.episodes(sources)
     kept = [episodes[source] for source in sources if source in episodes]
     return sorted(kept, key=lambda episode: episode.judged)[:limit]
 
 
-def _revise(bank: OpenBank, source: str, verdict: Verdict, done: Replayed) -> None:
+def _revise(bank: OpenBank, source: str, verdict: Verdict) -> None:
     with deciding(bank, "replay") as ledger:
         episode = ledger.transaction.episodes([source]).get(source)
         if episode is None:
@@ -147,8 +114,6 @@ def _revise(bank: OpenBank, source: str, verdict: Verdict, done: Replayed) -> No
             stored = ledger.put(changed, action, why)
             if action == "PROMOTE":
                 _settle(ledger, stored)
-            listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
-            listed[action].append(record.id)
         ledger.transaction.save_episode(replace(episode, judged=episode.judged + 1))
 
 

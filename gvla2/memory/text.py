@@ -36,6 +36,7 @@ hundred thousand half
 STOP_WORDS = frozenset(_STOP.split()) | frozenset("0123456789")
 
 
+@lru_cache(maxsize=16384)
 def terms(text: str) -> frozenset[str]:
     """The distinct terms of a text, of its first ``MAX_TEXT`` characters."""
     return frozenset(stem(word) for word in words(text) if word not in STOP_WORDS)

@@ -122,11 +122,10 @@ class Transaction(BankView):
         return {**row, "dimension": stored.size, "vector": stored.tobytes()}
 
     def link(self, source: str, kind: str, target: str, why: str = "") -> None:
-        """Link two different records, unless they are linked so already. Both ends count as changed (rev)."""
+        """Link two different records, unless they are linked so already."""
         if any((one.source, one.kind, one.target) == (source, kind, target) for one in self.links([source])):
             return
         self.sql.execute(insert(LINK), {"bank": self.bank, **Link(source, kind, target, self.now)._asdict()})
-        self._touch([source, target])
         self._append(f"link:{kind}", source, target, why)
 
     def decide(self, action: str, record: str = "", *, why: str = "") -> None:
@@ -150,8 +149,6 @@ class Transaction(BankView):
         rows = {row.id: row for row in self.rows(ids=ids) if row.state != FORGOTTEN}
         if not rows:
             return []
-        ends = {end for link in self.links(rows) for end in (link.source, link.target)}
-        self._touch(ends - rows.keys())
         for column in (LINK.c.source, LINK.c.target, VECTOR.c.id):
             self._change(delete(column.table), column, rows)
         for column in (EVENT.c.record, EVENT.c.target):
@@ -221,11 +218,6 @@ class Transaction(BankView):
         changed = {c.name: statement.excluded[c.name] for c in table.columns if not c.primary_key}
         keys = list(table.primary_key)
         self.sql.execute(statement.on_conflict_do_update(index_elements=keys, set_=changed), row)
-
-    def _touch(self, ids: Iterable[str]) -> None:
-        """Mark these records as changed (rev), so that an index notices."""
-        known = update(RECORD).where(RECORD.c.state != FORGOTTEN)
-        self._change(known.values(rev=self.rev), RECORD.c.id, ids)
 
     def _change(self, statement: Any, column: Any, values: Iterable[Any]) -> None:
         """Update or delete the bank's rows whose column has one of these values."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Sequence, Set
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,19 +41,16 @@ _TOGETHER = 500
 """How many ids one query names, and how many rows of a stream are held at once."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordChange:
-    """The present state of a record that a transaction changed (or a link of it).
+class Embedded(NamedTuple):
+    """A record with its (D,) float32 ``vector`` made by ``model``, read-only; None if it is damaged or missing.
 
-    ``vector`` is (D,) float32 made by ``model``, read-only; None if damaged or missing (``model`` is then ""): the
-    index then embeds the record. ``conflicts`` is how many others contradict the record. A record of the state
-    :data:`FORGOTTEN` has an id, a version and a rev, and nothing else: drop it.
+    ``conflicts`` is how many others contradict the record.
     """
 
     record: Record
     vector: NDArray[np.float32] | None
     model: str
-    conflicts: int = 0
+    conflicts: int
 
 
 class BankView:
@@ -97,22 +94,20 @@ class BankView:
         query = query if states is None else query.where(RECORD.c.state.in_(states))
         return self._named(query, RECORD.c.id, ids)
 
-    def changes(self, since: int = 0) -> list[RecordChange]:
-        """Changes by transactions after ``since``, each record once, including forgotten ones."""
+    def embedded(self, states: Collection[str]) -> list[Embedded]:
+        """The records in these states with their vectors."""
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
-        query, found = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD), []
-        query = query.select_from(joined).where(RECORD.c.bank == self.bank, RECORD.c.rev > since)
-        for model, dimension, stored, *row in self.sql.execute(query):
-            record = valid_record(row, forgotten=True)
-            if record is not None:
-                found.append((record, vector_of(dimension, stored), model or ""))
-        against = self.conflicts({record.id for record, _, _ in found})
-        return [RecordChange(record, vector, model, against[record.id]) for record, vector, model in found]
+        query, against = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD), self.conflicts()
+        query = query.select_from(joined).where(RECORD.c.bank == self.bank, RECORD.c.state.in_(states))
+        return [
+            Embedded(record, vector_of(dimension, stored), model or "", against[record.id])
+            for model, dimension, stored, *row in self.sql.execute(query)
+            if (record := valid_record(row)) is not None
+        ]
 
-    def conflicts(self, ids: Set[str]) -> Counter[str]:
-        """How many others contradict each of these records, in either direction of a link."""
-        held = pairs_of(self.links(ids if len(ids) < 20 * _TOGETHER else None))["conflict"]
-        return Counter(id for pair in held for id in pair if id in ids)
+    def conflicts(self) -> Counter[str]:
+        """How many others contradict each record, in either direction of a link."""
+        return Counter(id for pair in pairs_of(self.links())["conflict"] for id in pair)
 
     def links(self, ids: Wanted = None) -> list[Link]:
         """The links of the bank, or those with one of these records at either end; by source, kind, target."""
@@ -182,11 +177,9 @@ def batches(values: Iterable[Any]) -> Iterator[list[Any]]:
     return (ordered[start : start + _TOGETHER] for start in range(0, len(ordered), _TOGETHER))
 
 
-def valid_record(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
-    """The record of a stored row; None for a damaged row, and for a tombstone unless ``forgotten``."""
-    if (row[_STATE] == FORGOTTEN and not forgotten) or damage_of(tuple(row)):
-        return None
-    return Record(*row)
+def valid_record(row: Sequence[Any]) -> Record | None:
+    """The record of a stored row; None for a damaged row and a tombstone."""
+    return None if row[_STATE] == FORGOTTEN or damage_of(tuple(row)) else Record(*row)
 
 
 def vector_of(length: object, stored: object) -> NDArray[np.float32] | None:

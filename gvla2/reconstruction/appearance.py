@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, minimum_filter
 from scipy.spatial import cKDTree
 
+from gvla2.geometry.compiled import fused
 from gvla2.geometry.gaussians import SH_C0
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.contracts import Reconstruction, Renderer, StageReport
 from gvla2.reconstruction.silhouette import Silhouette
 from gvla2.reconstruction.support import mask_of
@@ -46,7 +46,7 @@ def fit_affine(
     return (gain, bias) if (gain > 0).all() else None
 
 
-@compiled
+@fused
 def _solve(x: FloatArray, y: FloatArray, share: FloatArray, beta: float) -> tuple[float, float]:
     """The minimum of sum share |g x + b - y| + beta (g - 1)^2 + beta b^2 over (g, b); ``share`` sums to 1."""
     gain, bias = 1.0, 0.0

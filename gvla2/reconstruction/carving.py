@@ -17,11 +17,11 @@ from scipy.ndimage import gaussian_filter, label, map_coordinates
 from scipy.optimize import linprog
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.compiled import fused, run_chunks
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.appearance import vertex_colours
-from gvla2.reconstruction.compiled import compiled, run_chunks
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_agreement, mask_silhouettes
 from gvla2.reconstruction.support import projection
@@ -87,7 +87,7 @@ def fill(packed: PackedSilhouettes, bounds: FloatArray, step: float) -> Field:
     return Field(values, origin, step)
 
 
-@compiled
+@fused
 def _fill(
     values: NDArray[np.float32],
     origin: FloatArray,

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.compiled import fused
 from gvla2.geometry.transform import FloatArray, check_rigid
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_samples import (
     KNOTS,
@@ -206,7 +206,7 @@ class _Problem:
         return cost + 0.5 * float(z @ z), slope * self._spread + z, curvature + np.eye(len(z))
 
 
-@compiled
+@fused
 def _gather(
     columns: NDArray[np.intp],
     values: FloatArray,
@@ -224,7 +224,7 @@ def _gather(
                 curvature[i, columns[n, b]] += value * weight[n] * values[n, b]
 
 
-@compiled
+@fused
 def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatArray) -> FloatArray:
     """(N,) variances of rows (N, K) of unknowns with a covariance (P, P)."""
     found = np.zeros(len(columns))
@@ -235,7 +235,7 @@ def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatA
     return found
 
 
-@compiled
+@fused
 def _inverse(matrix: FloatArray) -> FloatArray:
     """Invert a positive definite matrix by Gauss-Jordan elimination.
 
@@ -495,7 +495,7 @@ def _within_hull(aligned: Aligned, front: FloatArray, back: FloatArray) -> Float
     return believed
 
 
-@compiled
+@fused
 def _mean_gap(
     measured: FloatArray, sigma: FloatArray, far: FloatArray, nodes: FloatArray, likely: FloatArray
 ) -> FloatArray:

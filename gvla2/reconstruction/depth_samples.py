@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.compiled import fused
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
-from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.support import projection
 
 SAMPLES = 300
@@ -161,7 +161,7 @@ def surface_normals(depth: FloatArray, rays: FloatArray) -> FloatArray:
     return normals
 
 
-@compiled
+@fused
 def _cross(depth: FloatArray, rays: FloatArray, normals: FloatArray) -> None:
     across, down = np.empty(3), np.empty(3)
     for i in range(1, depth.shape[0] - 1):

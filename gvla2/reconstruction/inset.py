@@ -14,11 +14,11 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from gvla2.geometry.compiled import cores
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction, Renderer, StageReport
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.surfels import scattered

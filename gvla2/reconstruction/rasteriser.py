@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.compiled import Floats, Ints, Real, cores, fused, run_chunks, run_together
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled, cores, run_chunks, run_together
 
 MAX_ALPHA = np.float32(0.99)
 """The most that a single Gaussian hides, as in 3DGS."""
@@ -114,7 +114,7 @@ def _pack(camera: Camera, rasteriser: Rasteriser) -> Floats:
     return np.array(packed, dtype=np.float32)
 
 
-@compiled
+@fused
 def _tile_lists(
     order: Ints, boxes: Ints, across: int, down: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
@@ -135,7 +135,7 @@ def _tile_lists(
     return offsets, members
 
 
-@compiled
+@fused
 def _composite(
     worker: int,
     workers: int,
@@ -218,7 +218,7 @@ def _composite(
                     image[y, x, channel] = colour[k, channel] + light[k] * background[channel]
 
 
-@compiled
+@fused
 def _project(
     start: int,
     stop: int,
@@ -293,7 +293,7 @@ def _project(
             splats[i, RED + k] = max(half + SH_C0 * sh_dc[i, k], np.float32(0.0))
 
 
-@compiled
+@fused
 def _axes(log_scale: Floats, rotation: Floats, most: Real, axes: Floats) -> None:
     """Write L = R S (3, 3), one axis of the Gaussian a column, none longer than ``most``."""
     w, x, y, q = rotation[0], rotation[1], rotation[2], rotation[3]

@@ -17,11 +17,11 @@ from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_ed
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.compiled import fused, run_chunks, run_together
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import draw
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.compiled import compiled, run_chunks, run_together
 from gvla2.reconstruction.support import NEAR, as_points, mask_of, projection
 
 FEWEST_PIXELS = 4
@@ -191,7 +191,7 @@ def projected(points: FloatArray, camera: Camera) -> NDArray[np.float32]:
     return uvz
 
 
-@compiled
+@fused
 def _project(points: FloatArray, P: FloatArray, uvz: NDArray[np.float32], start: int, stop: int) -> None:
     for n in range(start, stop):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
@@ -204,7 +204,7 @@ def _project(points: FloatArray, P: FloatArray, uvz: NDArray[np.float32], start:
         uvz[n, 2] = depth
 
 
-@compiled
+@fused
 def _count(uv: NDArray[np.float32], width: int, height: int, counts: NDArray[np.int64]) -> None:
     for n in range(len(uv)):
         u, v = uv[n, 0], uv[n, 1]
@@ -212,7 +212,7 @@ def _count(uv: NDArray[np.float32], width: int, height: int, counts: NDArray[np.
             counts[int(v) // _CELL, int(u) // _CELL] += 1
 
 
-@compiled
+@fused
 def _draw(
     uv: NDArray[np.float32],
     radius: float,
@@ -277,7 +277,7 @@ def _draw(
                 nearest[i, j] = which
 
 
-@compiled
+@fused
 def _close(distance: Field, radius: float, inside: Field) -> None:
     """Lower ``inside`` (H, W) to the signed distance to the outline left when discs of ``radius`` are taken back."""
     height, width = distance.shape

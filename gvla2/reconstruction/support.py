@@ -11,9 +11,9 @@ from scipy.special import expit
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.compiled import fused, run_chunks
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.compiled import compiled, run_chunks
 
 NEAR = 1e-6
 """Metres in front of a camera where projection begins."""
@@ -89,7 +89,7 @@ class MaskStack(NamedTuple):
         return out
 
 
-@compiled
+@fused
 def _score(points: FloatArray, stack: MaskStack, out: FloatArray, start: int, stop: int) -> None:
     projections, texels, layout, limits = stack
     # Blocks of points, and no branches within a loop: so that the compiler takes several points at once.

@@ -10,10 +10,10 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.compiled import cores, fused
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.compiled import compiled, cores
 
 _ROUNDS = 6  # of darts, each as many as Gaussians are wanted
 _PACKING = 0.715  # least distance of darts over sqrt(area / count): gives that count within a few per cent
@@ -83,7 +83,7 @@ def scattered(mesh: TriangleMesh, count: int) -> tuple[FloatArray, NDArray[np.in
     return points, solid[face], weights
 
 
-@compiled
+@fused
 def _throw(
     corners: FloatArray,
     ends: FloatArray,

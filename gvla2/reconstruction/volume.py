@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, label
 from scipy.spatial import cKDTree
 
+from gvla2.geometry.compiled import cores, fused, run_chunks
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.carving import Field
-from gvla2.reconstruction.compiled import compiled, cores, run_chunks
 from gvla2.reconstruction.depth_evidence import DepthEvidence
 from gvla2.reconstruction.support import mask_of, projection
 from gvla2.reconstruction.view_set import ViewSet
@@ -48,7 +48,7 @@ def mesh_field(mesh: TriangleMesh, grid: Field, where: NDArray[np.bool_]) -> NDA
     return values
 
 
-@compiled
+@fused
 def _cross(vertices: FloatArray, faces: NDArray[np.int64], crossings: NDArray[np.int32]) -> None:
     """Add each face's crossing of every vertical grid line to the first voxel above it."""
     nx, ny, nz = crossings.shape
@@ -136,7 +136,7 @@ def fuse_volume(seen: ViewSet, evidence: DepthEvidence, g0: TriangleMesh | None)
     return Posterior(Field(values, hull.origin, hull.step), confidence, needed)
 
 
-@compiled
+@fused
 def _fuse(
     values: NDArray[np.float32],
     confidence: NDArray[np.float32],
@@ -232,7 +232,7 @@ def _fuse(
                 values[i, j, k] = min(values[i, j, k], least)
 
 
-@compiled
+@fused
 def _cover(
     values: NDArray[np.float32],
     hull: NDArray[np.float32],

@@ -117,19 +117,19 @@ def solid_of(obj: SceneObject) -> Any:
 
 
 def _add_path(model: Any, record: EpisodeRecord, trajectory: Trajectory, table: float) -> None:
-    """The legs as tubes (dashed where the motion is free), a ball for each waypoint, and plumb lines to the table."""
+    """The legs as tubes, a ball for each waypoint, and plumb lines to the table."""
     start = None if record.observation is None else record.observation.world_from_tcp[:3, 3]
     stops = trajectory.xyzg().reshape(-1, 4)[:, :3]
-    openings = [1.0, *(w.gripper for w in trajectory)]
-    tubes = [
-        tube
-        for before, stop, opening, waypoint in zip([start, *stops], stops, openings, trajectory, strict=False)
-        if before is not None
-        for tube in _leg(before, stop, OPEN if opening > 0.5 else CLOSED, waypoint.motion == "free")
-    ]
-    plumbs = [[stop, [*stop[:2], table]] for stop in stops]
+    tubes = []
+    for before, stop, opening in zip(
+        [start, *stops], stops, [1.0, *(w.gripper for w in trajectory)], strict=False
+    ):
+        if before is not None and np.linalg.norm(stop - before) > 1e-6:
+            tubes.append(trimesh.creation.cylinder(_TUBE, segment=[before, stop], sections=6))
+            tubes[-1].visual.face_colors = OPEN if opening > 0.5 else CLOSED
     if tubes:
         _add(model, trimesh.util.concatenate(tubes), "path", "path")
+    plumbs = [[stop, [*stop[:2], table]] for stop in stops]
     if plumbs:
         _add(model, trimesh.load_path(np.array(plumbs)), "plumb lines", "path")
     for k, waypoint in enumerate(trajectory):
@@ -139,18 +139,6 @@ def _add_path(model: Any, record: EpisodeRecord, trajectory: Trajectory, table: 
         ball.visual.face_colors = FAILED if bad else OPEN if waypoint.gripper > 0.5 else CLOSED
         more = {"label": str(k), "at": stops[k], "text": text, "bad": bad}
         _add(model, ball, f"waypoint {k}", "waypoint", **more)
-
-
-def _leg(a: FloatArray, b: FloatArray, colour: tuple[int, int, int], dashed: bool) -> list[Any]:
-    length = float(np.linalg.norm(b - a))
-    count = max(1, min(40, round(length / 0.03))) if dashed else 1
-    share = 0.6 if count > 1 else 1.0
-    starts = np.arange(count if length > 1e-6 else 0) / count
-    ends = [[a + (b - a) * k, a + (b - a) * (k + share / count)] for k in starts]
-    tubes = [trimesh.creation.cylinder(_TUBE, segment=each, sections=6) for each in ends]
-    for tube in tubes:
-        tube.visual.face_colors = colour
-    return tubes
 
 
 def waypoint_text(k: int, waypoint: Waypoint, checks: CheckReport | None) -> tuple[str, bool]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -79,8 +79,15 @@ class UrdfArm:
         """The views with the robot's own pixels marked, cast from its model at ``joints`` (dof,) radians and fingers
         ``gripper_width`` metres apart: where depth is within ``tolerance`` metres before the model, or behind it.
         """
-        opening = gripper_width / self.arm.hand.max_width
-        return self.looks.mark(views, self.arm.kinematics.link_poses(joints, opening), tolerance)
+        poses = self.arm.kinematics.link_poses(joints, gripper_width / self.arm.hand.max_width)
+        marked = []
+        for view, image in zip(views, self.looks.cast([v.camera for v in views], poses), strict=True):
+            own = np.isfinite(image.depth)
+            if view.depth is not None:
+                with np.errstate(invalid="ignore"):
+                    own &= ~(view.depth < image.depth - tolerance)
+            marked.append(replace(view, robot_mask=own))
+        return tuple(marked)
 
 
 def arm_from_urdf(config: ArmConfig) -> UrdfArm:

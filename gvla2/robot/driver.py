@@ -26,8 +26,8 @@ class MoveResult:
 
     ``contacts`` are names of the robot's own links that touched something on the way, each once (never names of scene
     bodies; empty for a robot without such sensing). ``diverged`` is True when a measurement was not finite or
-    physically impossible: the motion was aborted there. ``stopped`` is True when a guard ended it (see
-    :class:`GuardedDriver`). ``expired`` says why a world has ended the episode, "" while it goes on.
+    physically impossible: the motion was aborted there. ``stopped`` is True when a stop rule ended it. ``expired``
+    says why a world has ended the episode, "" while it goes on.
     """
 
     contacts: tuple[str, ...] = ()
@@ -49,6 +49,12 @@ class GripResult:
     contacts: tuple[str, ...] = ()
 
 
+StopRule = Callable[[FloatArray, FloatArray, FloatArray | None], bool]
+"""Commanded joints (dof,), measured joints (dof,), radians, and the force (3,) on the hand and what it holds, newtons,
+world frame, None for a robot that does not measure it; True to end the motion. A force is a mean over some hundredths
+of a second, so a knock does not count as a press."""
+
+
 class Driver(Protocol):
     """One arm with its gripper, simulated or real, as the executor drives it.
 
@@ -61,11 +67,15 @@ class Driver(Protocol):
         """The measured state, now."""
         ...
 
-    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
+    def follow(
+        self, samples: FloatArray, dt: float, gripper: float, stop: StopRule | None = None
+    ) -> MoveResult:
         """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle.
 
         ``samples[0]`` is where the arm is; the first and last samples are at rest. ``gripper`` in [0, 1] is the opening
-        that stays commanded on the way (the fingers keep squeezing a held object).
+        that stays commanded on the way (the fingers keep squeezing a held object). A robot that feels contact asks
+        ``stop`` at least 50 times per second, also while it settles: on True the arm stops where it is, without
+        settling, and the result says ``stopped``. Others ignore it.
         """
         ...
 
@@ -75,24 +85,6 @@ class Driver(Protocol):
 
     def hold(self) -> None:
         """Stop at the measured position and stay there; must work after any error, and twice."""
-        ...
-
-
-StopRule = Callable[[FloatArray, FloatArray, FloatArray | None], bool]
-"""Commanded joints (dof,), measured joints (dof,), radians, and the force (3,) on the hand and what it holds, newtons,
-world frame, None for a robot that does not measure it; True to end the motion."""
-
-
-@runtime_checkable
-class GuardedDriver(Protocol):
-    """Extension of :class:`Driver` for ending a motion on contact; without it guards have no effect."""
-
-    def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
-        """As :meth:`Driver.follow`, asking ``stop`` at least 50 times per second, also while it settles.
-
-        A force is a mean over some hundredths of a second, so a knock does not count as a press. On True the arm stops
-        where it is, without settling, and the result says ``stopped``.
-        """
         ...
 
 

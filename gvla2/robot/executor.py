@@ -18,8 +18,8 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Trajectory, Waypoint
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener
-from gvla2.robot.driver import Driver, DriverState, GuardedDriver, MoveResult
-from gvla2.robot.motion import MotionFailure, MotionPlanner
+from gvla2.robot.driver import Driver, DriverState, MoveResult
+from gvla2.robot.motion import MotionFailure, plan_motion
 from gvla2.robot.report import AbortCode, ExecutionReport, WaypointReport
 from gvla2.robot.timing import MotionLimits, time_path
 
@@ -29,24 +29,26 @@ class ExecutorOptions:
     """How an arm is driven.
 
     ``dt`` seconds between joint samples; ``velocity_scale`` of the URDF's joint speeds; ``acceleration`` rad/s² of
-    every joint; a position error above ``tracking_factor`` times a waypoint's tolerance stops the motion; fingers
-    nearer than ``empty_width`` (metres) hold nothing; one motion may take ``max_motion_seconds``. ``seed`` makes motion
-    planning reproducible.
+    every joint; one motion may take ``max_motion_seconds``.
     """
 
     dt: float = 1.0 / 60.0
     velocity_scale: float = 0.7
     acceleration: float = 5.0
-    tracking_factor: float = 3.0
-    empty_width: float = 0.0015
     max_motion_seconds: float = 60.0
-    seed: int = 0
+
+
+TRACKING_FACTOR = 3.0
+"""A position error above this many times a waypoint's tolerance stops the motion."""
+
+EMPTY_WIDTH = 0.0015
+"""Fingers nearer than this hold nothing, metres."""
 
 
 def execute(
     trajectory: Trajectory,
     scene: Scene,
-    planner: MotionPlanner,
+    arm: ArmModel,
     driver: Driver,
     listener: ExecutionListener | None = None,
     options: ExecutorOptions = ExecutorOptions(),
@@ -61,7 +63,7 @@ def execute(
     A keyboard interrupt, or an exception of the driver or the listener, makes the driver hold the arm; the present
     waypoint is reported as ``interrupted`` and the exception passed on.
     """
-    return _Run(trajectory, scene, planner, driver, listener or ExecutionListener(), options).through()
+    return _Run(trajectory, scene, arm, driver, listener or ExecutionListener(), options).through()
 
 
 class _Abort(Exception):  # noqa: N818 - it ends the loop and becomes a report
@@ -77,13 +79,13 @@ class _Run:
         self,
         trajectory: Trajectory,
         scene: Scene,
-        planner: MotionPlanner,
+        arm: ArmModel,
         driver: Driver,
         listener: ExecutionListener,
         options: ExecutorOptions,
     ) -> None:
         self.trajectory, self.given, self.world = trajectory, scene, CarriedScene(scene)
-        self.arm, self.planner, self.driver = planner.arm, planner, driver
+        self.arm, self.driver = arm, driver
         self.listener, self.options = listener, options
         self.reports: list[WaypointReport] = []
         self.joint_path: list[tuple[float, ...]] = []
@@ -137,29 +139,24 @@ class _Run:
             still = np.tile(state.joints if stopped else samples[-1], (dwell + 1, 1))
             self._moved(self.driver.follow(still, options.dt, self.opening))
             state = self._measure()
-        if waypoint.carries and state.gripper_width < options.empty_width:
+        if waypoint.carries and state.gripper_width < EMPTY_WIDTH:
             self.holds = False
             raise _Abort("slipped", f"'{waypoint.carries}' was lost on the way: the fingers are closed.")
         error = float(np.linalg.norm(self.arm.forward(state.joints)[:3, 3] - pose[:3, 3]))
-        if not stopped and error > options.tracking_factor * waypoint.tolerance:
+        if not stopped and error > TRACKING_FACTOR * waypoint.tolerance:
             raise _Abort("tracking", f"The tool stopped {1e3 * error:.0f} mm from its target.")
         if abs(waypoint.gripper - self.opening) > 1e-3:
             self._grip(waypoint)
 
     def _follow(self, waypoint: Waypoint, samples: FloatArray) -> bool:
         """Move, and hold where the waypoint's guard ends the motion: then True."""
-        guard, driver, dt = waypoint.guard, self.driver, self.options.dt
-        if guard is not None and isinstance(driver, GuardedDriver):
-            watch = GuardWatch(guard, self.arm)
-            moved = driver.follow_guarded(samples, dt, self.opening, watch)
+        watch = None if waypoint.guard is None else GuardWatch(waypoint.guard, self.arm)
+        moved = self.driver.follow(samples, self.options.dt, self.opening, watch)
+        if watch is not None:
             self._know(force=watch.force)
             if moved.stopped:
-                driver.hold()
+                self.driver.hold()
                 self._know(status="guarded", message=watch.reason)
-        else:
-            moved = driver.follow(samples, dt, self.opening)
-            if guard is not None:
-                self._know(message="This robot does not feel guards: the motion went on to its end.")
         self._moved(moved)
         return moved.stopped
 
@@ -174,7 +171,8 @@ class _Run:
         """Joint samples (T, dof) to the waypoint, checked."""
         options, index, arm = self.options, self.now.index, self.arm
         began = time.perf_counter()
-        path = self.planner.plan(
+        path = plan_motion(
+            arm,
             state.joints,
             pose,
             self.world.scene,
@@ -183,7 +181,7 @@ class _Run:
             attached=self.world.attached,
             allowed_contacts=waypoint.allowed_contacts,
             then=self.trajectory.straight_after(index, self.poses),
-            seed=options.seed + index,
+            seed=index,
         )
         self._know(planning_seconds=time.perf_counter() - began, status=getattr(path, "status", "failed"))
         if isinstance(path, MotionFailure):
@@ -210,7 +208,7 @@ class _Run:
         if closing:
             self.closed_at = self.arm.forward(state.joints)
             following = self.trajectory.waypoints[self.now.index + 1 : self.now.index + 2]
-            if any(w.carries for w in following) and state.gripper_width < self.options.empty_width:
+            if any(w.carries for w in following) and state.gripper_width < EMPTY_WIDTH:
                 self.holds = False
                 raise _Abort("slipped", "The fingers closed on nothing.")
 
@@ -281,9 +279,8 @@ class CarriedScene:
         self.release(world_from_tcp)
         obj, self._grasped_at = self.scene[object_id], world_from_tcp
         self._taken = tuple(o for o in self.scene.objects if object_id in (o.id, o.parent))
-        self.scene = replace(
-            self.scene, objects=tuple(o for o in self.scene.objects if object_id not in (o.id, o.parent))
-        )
+        left = tuple(o for o in self.scene.objects if object_id not in (o.id, o.parent))
+        self.scene = replace(self.scene, objects=left)
         self.attached = Attachment(obj, invert_rigid(world_from_tcp) @ obj.world_from_object)
 
     def release(self, world_from_tcp: FloatArray) -> None:
@@ -346,34 +343,31 @@ def check_trajectory(trajectory: Trajectory, scene: Scene, start: FloatArray) ->
     return trajectory.poses(start)
 
 
+START_GAP = 0.05
+"""How far a motion may start from the measured joints, radians."""
+
+
 def check_samples(
     samples: FloatArray,
     dt: float,
     measured: FloatArray,
     limits: tuple[FloatArray, FloatArray],
     velocity: FloatArray,
-    start_gap: float = 0.05,
 ) -> None:
     """Raise :class:`RobotError` unless joint samples (T, dof), one every ``dt`` seconds, may be sent.
 
-    They must be finite, inside ``limits`` (dof,), start within ``start_gap`` radians of the ``measured`` joints
-    (dof,), and never move faster than ``velocity`` (dof,) rad/s.
+    They must be finite, inside ``limits`` (dof,), start where the ``measured`` joints (dof,) are, and never move faster
+    than ``velocity`` (dof,) rad/s.
     """
-    samples = np.asarray(samples, dtype=np.float64)
+    low, high = limits
     if samples.ndim != 2 or samples.shape[1] != len(measured) or not len(samples):
         raise RobotError(f"Joint samples must be (T, {len(measured)}), got {samples.shape}.")
-    if not np.isfinite(samples).all() or not np.isfinite(measured).all():
-        raise RobotError("Joint samples or measured joints are not finite.")
-    low, high = limits
-    outside = np.maximum(low - samples, samples - high).max(axis=0)
-    if outside.max() > 1e-6:
-        joint = int(outside.argmax())
-        raise RobotError(f"Joint {joint + 1} would leave its limits by {outside[joint]:.3f} rad.")
-    gap = float(np.abs(samples[0] - measured).max())
-    if gap > start_gap:
-        raise RobotError(f"The motion starts {gap:.3f} rad from where the arm is; {start_gap} is allowed.")
-    if len(samples) > 1:
-        ratio = (np.abs(np.diff(samples, axis=0)) / (velocity * dt)).max(axis=0)
-        if ratio.max() > 1.05:
-            joint = int(ratio.argmax())
-            raise RobotError(f"Joint {joint + 1} would jump at {ratio[joint]:.1f} times its speed limit.")
+    rules = {
+        "would get a target that is not finite": ~np.isfinite(samples + measured),
+        "would leave its limits": (samples < low - 1e-6) | (samples > high + 1e-6),
+        f"starts over {START_GAP} rad from where it is": np.abs(samples[:1] - measured) > START_GAP,
+        "would jump beyond its speed limit": np.abs(np.diff(samples, axis=0)) > 1.05 * velocity * dt,
+    }
+    for what, wrong in rules.items():
+        if wrong.any():
+            raise RobotError(f"Joint {int(wrong.any(axis=0).argmax()) + 1} {what}. Nothing was sent.")

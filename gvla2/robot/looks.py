@@ -21,7 +21,6 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
-from gvla2.geometry.views import View
 from gvla2.io.array_cache import cache_folder, cached_arrays
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Primitive, Solid
@@ -113,20 +112,6 @@ class RobotLooks:
     def cast(self, cameras: Sequence[Camera], world_from_link: Mapping[str, FloatArray]) -> list[RayImage]:
         """What the cameras would see of the robot alone; poses (4, 4) by link."""
         return self._caster.cast(cameras, {i: world_from_link[link] for i, link in enumerate(self.links)})
-
-    def mark(
-        self, views: Sequence[View], world_from_link: Mapping[str, FloatArray], tolerance: float = OWN_DEPTH
-    ) -> tuple[View, ...]:
-        """The views with the robot's pixels marked: depth within ``tolerance`` metres before it, or behind it."""
-        images = self.cast([view.camera for view in views], world_from_link)
-        marked = []
-        for view, image in zip(views, images, strict=True):
-            own = np.isfinite(image.depth)
-            if view.depth is not None:
-                with np.errstate(invalid="ignore"):
-                    own &= ~(view.depth < image.depth - tolerance)
-            marked.append(replace(view, robot_mask=own))
-        return tuple(marked)
 
 
 def body_surface(body: Body) -> Surface:

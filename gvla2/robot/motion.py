@@ -40,58 +40,46 @@ class MotionFailure:
     pair: tuple[str, str] | None = None
 
 
-@dataclass(frozen=True)
-class MotionOptions:
-    """Bounds of the planner, metres and radians.
+MARGIN, LINEAR_MARGIN, SLACK = 0.010, 0.0, 0.002
+"""Metres kept from the scene on free and on straight motions; where the start or the goal is nearer already, the pair
+keeps its distance there, less the slack."""
 
-    ``margin`` is kept from the scene on free motions and ``linear_margin`` on straight ones; if the start or the goal
-    is nearer already, the pair keeps its distance there, less ``slack``. Perception is a few millimetres off, so a
-    start may overlap by ``start_overlap`` and a goal by ``goal_overlap``. Checks are ``fine_step`` radians apart.
-    ``goals`` joint solutions are tried for a pose. ``max_checks`` bounds each of ``attempts`` searches;
-    ``max_seconds`` is a safety net for each.
+START_OVERLAP, GOAL_OVERLAP = 0.02, 0.003
+"""Perception is a few millimetres off: a start and a goal may overlap by this much, metres."""
+
+FINE_STEP = 0.008
+"""Spacing of checked configurations along a path, radians."""
+
+GOALS, ATTEMPTS = 5, 2
+"""Joint solutions tried for a pose, and searches."""
+
+MAX_CHECKS, MAX_SECONDS = 20_000, 20.0
+"""Bounds of each search; the seconds are a safety net far above the checks."""
+
+
+def plan_motion(
+    arm: ArmModel,
+    start: FloatArray,
+    goal: FloatArray,
+    scene: Scene,
+    *,
+    motion: Literal["free", "linear"] = "free",
+    gripper: float = 1.0,
+    attached: Attachment | None = None,
+    allowed_contacts: frozenset[str] = frozenset(),
+    then: Sequence[FloatArray] = (),
+    seed: int = 0,
+) -> MotionPath | MotionFailure:
+    """A path from joints ``start`` (dof,) to the tool pose ``goal`` (4, 4).
+
+    ``gripper`` is the opening in [0, 1] on the way. ``then`` are tool poses (4, 4) to reach by straight moves
+    afterwards: goal joints from which these are possible are preferred. The same arguments give the same path.
     """
-
-    margin: float = 0.010
-    linear_margin: float = 0.0
-    slack: float = 0.002
-    start_overlap: float = 0.02
-    goal_overlap: float = 0.003
-    fine_step: float = 0.008
-    goals: int = 5
-    max_checks: int = 20_000
-    attempts: int = 2
-    max_seconds: float = 20.0
-
-
-class MotionPlanner:
-    """Plans for one arm; see :meth:`plan`."""
-
-    def __init__(self, arm: ArmModel, options: MotionOptions = MotionOptions()) -> None:
-        self.arm, self.options = arm, options
-
-    def plan(
-        self,
-        start: FloatArray,
-        goal: FloatArray,
-        scene: Scene,
-        *,
-        motion: Literal["free", "linear"] = "free",
-        gripper: float = 1.0,
-        attached: Attachment | None = None,
-        allowed_contacts: frozenset[str] = frozenset(),
-        then: Sequence[FloatArray] = (),
-        seed: int = 0,
-    ) -> MotionPath | MotionFailure:
-        """A path from joints ``start`` (dof,) to the tool pose ``goal`` (4, 4).
-
-        ``gripper`` is the opening in [0, 1] on the way. ``then`` are tool poses (4, 4) to reach by straight moves
-        afterwards: goal joints from which these are possible are preferred. The same arguments give the same path.
-        """
-        checker = self.arm.checker(scene, gripper, allowed_contacts, attached)
-        within = np.clip(np.asarray(start, dtype=np.float64), *self.arm.limits)
-        query = _Query(self.arm, self.options, checker, within, checker.distances(within), seed)
-        blocked = query.blocked(query.start_distances, self.options.start_overlap, "At the start")
-        return blocked or (query.linear(goal) if motion == "linear" else query.free(goal, then))
+    checker = arm.checker(scene, gripper, allowed_contacts, attached)
+    within = np.clip(np.asarray(start, dtype=np.float64), *arm.limits)
+    query = _Query(arm, checker, within, checker.distances(within), seed)
+    blocked = query.blocked(query.start_distances, START_OVERLAP, "At the start")
+    return blocked or (query.linear(goal) if motion == "linear" else query.free(goal, then))
 
 
 @dataclass(frozen=True)
@@ -105,7 +93,6 @@ class _Query:
     """One call of the planner, with the distances (pairs,) at its start."""
 
     arm: ArmModel
-    options: MotionOptions
     checker: CollisionChecker
     start: FloatArray
     start_distances: FloatArray
@@ -134,8 +121,8 @@ class _Query:
         end = self.checker.distances(path[-1])
         if blocked := self._goal_blocked(end):
             return blocked
-        self._keep(self.options.linear_margin, end)
-        fine = interpolate(path, self.options.fine_step)
+        self._keep(LINEAR_MARGIN, end)
+        fine = interpolate(path, FINE_STEP)
         index = self.checker.first_blocked(fine)
         if index is not None:
             worst = self.checker.clearance(fine[index])
@@ -147,7 +134,7 @@ class _Query:
 
     def _goals(self, goal: FloatArray, then: Sequence[FloatArray]) -> list[_Goal] | MotionFailure:
         """Goal joints free of collisions, best first: with later moves, with the full margin, near the start."""
-        found = self.arm.ik.solutions(goal, self.start, self.options.goals)
+        found = self.arm.ik.solutions(goal, self.start, GOALS)
         if not found:
             return MotionFailure("unreachable", f"No joints put the tool at {_place(goal)}.")
         goals, reasons = [], []
@@ -159,7 +146,7 @@ class _Query:
                 goals.append(_Goal(solution.joints, distances))
         if not goals:
             return reasons[0]
-        world, margin = self.checker.n_world, self.options.margin
+        world, margin = self.checker.n_world, MARGIN
         close = [bool((g.distances[:world] < margin).any()) for g in goals]
         broken = [not self._can_continue(g.joints, then) for g in goals] if len(goals) > 1 else [False]
         order = sorted(range(len(goals)), key=lambda i: (broken[i], close[i], i))
@@ -183,35 +170,33 @@ class _Query:
 
     def _direct(self, goals: Sequence[_Goal]) -> MotionPath | None:
         for goal in goals:
-            self._keep(self.options.margin, goal.distances)
+            self._keep(MARGIN, goal.distances)
             path = np.stack([self.start, goal.joints])
             if self._clear(path):
                 return MotionPath(path, "direct")
         return None
 
     def _search(self, goals: Sequence[_Goal]) -> MotionPath | None:
-        options = self.options
-        low, high = self.arm.limits
-        self._keep(options.margin, np.min([g.distances for g in goals], axis=0))
-        ends, bounds = [g.joints for g in goals], (options.max_checks, options.max_seconds)
-        for attempt in range(options.attempts):
+        self._keep(MARGIN, np.min([g.distances for g in goals], axis=0))
+        ends = [g.joints for g in goals]
+        for attempt in range(ATTEMPTS):
             seed = self.seed * 1000 + attempt
-            path = rrt_connect(self.start, ends, (low, high), self.checker.free, seed, *bounds)
+            path = rrt_connect(self.start, ends, self.arm.limits, self.checker.free, seed)
             if path is not None and self._clear(path):
                 return MotionPath(path, "rrt_connect")
         return None
 
     def _clear(self, path: FloatArray) -> bool:
-        return self.checker.first_blocked(interpolate(path, self.options.fine_step)) is None
+        return self.checker.first_blocked(interpolate(path, FINE_STEP)) is None
 
     def _keep(self, margin: float, goal_distances: FloatArray) -> None:
         """Set each world pair's margin, relaxed to the distances at start and goal."""
         world = self.checker.n_world
         ends = np.minimum(self.start_distances, goal_distances)[:world]
-        self.checker.set_margins(np.minimum(margin, ends - self.options.slack))
+        self.checker.set_margins(np.minimum(margin, ends - SLACK))
 
     def _goal_blocked(self, distances: FloatArray) -> MotionFailure | None:
-        return self.blocked(distances, self.options.goal_overlap, "At the goal")
+        return self.blocked(distances, GOAL_OVERLAP, "At the goal")
 
     def blocked(self, distances: FloatArray, overlap: float, where: str) -> MotionFailure | None:
         """A failure when a world pair overlaps by more than ``overlap``, or the arm touches itself."""
@@ -247,13 +232,11 @@ def rrt_connect(
     limits: tuple[FloatArray, FloatArray],
     free: Callable[[FloatArray], bool],
     seed: int,
-    max_checks: int,
-    max_seconds: float,
 ) -> FloatArray | None:
     """A path (N, dof) from ``start`` to one of ``goals``, inside the limits; None when none was found.
 
-    ``free`` says whether joints (dof,) are allowed. The search is bounded by ``max_checks`` calls of it, which keeps it
-    reproducible; ``max_seconds`` is a safety net far above that. Detours are cut afterwards.
+    ``free`` says whether joints (dof,) are allowed. The search is bounded by :data:`MAX_CHECKS` calls of it,
+    which keeps it reproducible. Detours are cut afterwards.
     """
     ob, og, ou = (library(f"ompl.{part}") for part in ("base", "geometric", "util"))
     ou.noOutputHandler()  # it complains about every seed except a process's first, but honours it anyway
@@ -293,8 +276,8 @@ def rrt_connect(
     planner.setRange(REACH)
     planner.setProblemDefinition(problem)
     planner.setup()
-    deadline = time.monotonic() + max_seconds
-    planner.solve(ob.PlannerTerminationCondition(lambda: calls > max_checks or time.monotonic() > deadline))
+    deadline = time.monotonic() + MAX_SECONDS
+    planner.solve(ob.PlannerTerminationCondition(lambda: calls > MAX_CHECKS or time.monotonic() > deadline))
     if not problem.hasExactSolution():
         return None
     path, simplifier = problem.getSolutionPath(), og.PathSimplifier(information)

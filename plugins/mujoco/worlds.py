@@ -31,10 +31,8 @@ class MjcfWorlds:
         """None: the file knows no sentence."""
         return {}
 
-    def load(self, task: str | None) -> MjcfWorld:
+    def load(self, task: str) -> MjcfWorld:
         """The world."""
-        if task is not None:
-            raise ConfigurationError(f"robot=mujoco has no task '{task}': task=none instruction='...'.")
         return MjcfWorld(self._config)
 
 
@@ -42,7 +40,6 @@ class MjcfWorld:
     """Implements :class:`gvla2.robot.mujoco.world.World`."""
 
     instruction, goal, max_steps, hand_steps = "", "", 0, 1
-    scenery: tuple[str, ...] = ("floor", "table", "wall", "ground")
 
     def __init__(self, config: MjcfConfig) -> None:
         self._mujoco = mujoco = import_mujoco()

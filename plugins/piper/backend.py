@@ -11,15 +11,14 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera as Pinhole
-from gvla2.geometry.transform import invert_rigid
+from gvla2.geometry.transform import FloatArray, invert_rigid
 from gvla2.geometry.views import Observation, View, Views
-from gvla2.planning.scene import Box, Scene
+from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import DepthCamera, ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import ExecutorOptions, execute
-from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task, TaskInstance
 from gvla2_plugins.piper import PiperConfig
@@ -46,7 +45,11 @@ class Piper:
         self, config: PiperConfig, camera: DepthCamera, ask: Callable[[str], str] = ask_person
     ) -> None:
         Bounds(config.speed, config.grip_effort)
-        self._workspace = _workspace(config)
+        lengths = {len(config.workspace_low), len(config.workspace_high), len(config.base_position)}
+        if lengths != {3} or not np.less(config.workspace_low, config.workspace_high).all():
+            raise ConfigurationError(
+                "robot.workspace_low, workspace_high and base_position are three numbers each, low below high."
+            )
         if config.bus == "none" and config.armed:
             raise ConfigurationError("robot.armed=true needs an arm: choose a robot.bus other than none.")
         if config.armed and config.bus not in SIMULATED and not camera.live:
@@ -55,10 +58,9 @@ class Piper:
                 f"synthetic pictures. Choose a live camera, or robot.armed=false."
             )
         self._config, self._camera, self._ask = config, camera, ask
-        self._made = make_arm(self._workspace, config.base_position, config.base_yaw, config.tcp_offset)
-        self._arm, self._world_from_base = self._made.arm, self._made.world_from_base
-        self.planner = MotionPlanner(self._arm)
-        self._guard = PathGuard(self._arm, self._workspace, config.table_height, config.table_margin)
+        self._made = make_arm(config)
+        self._arm = self._made.arm
+        self._guard = PathGuard(self._arm, config.table_height + config.table_margin)
         self._options = ExecutorOptions(
             dt=PERIOD,
             velocity_scale=0.8 * config.speed,
@@ -94,16 +96,12 @@ class Piper:
 
     def observe(self) -> Observation:
         """The cameras' views and the measured hand."""
-        state = self._state()
+        state, world_from_base = self._state(), self._made.world_from_base
         world_from_tcp = self._arm.forward(state.joints)
-        frames = self._camera.observe(invert_rigid(self._world_from_base) @ world_from_tcp)
-        poses = [self._world_from_base @ view.camera.world_from_camera for view in frames.views]
-        views = [
-            replace(view, camera=replace(view.camera, world_from_camera=pose))
-            for view, pose in zip(frames.views, poses, strict=True)
-        ]
+        frames = self._camera.observe(invert_rigid(world_from_base) @ world_from_tcp)
+        views = [_moved(view, world_from_base) for view in frames.views] or [_DARKNESS]
+        masked = self._made.mask(views, state.joints, state.gripper_width, EXPLAINED)
         opening = float(np.clip(state.gripper_width / MAX_WIDTH, 0.0, 1.0))
-        masked = self._made.mask(views or [_darkness()], state.joints, state.gripper_width, EXPLAINED)
         return Observation(Views(masked), world_from_tcp, state.joints, opening, state.gripper_width)
 
     def execute(
@@ -120,7 +118,7 @@ class Piper:
         top = self._config.tool_speed
         slow = Trajectory(tuple(replace(w, speed=min(w.speed, top)) for w in trajectory))
         for index, waypoint in enumerate(slow):
-            if np.isfinite(waypoint.xyz).all() and not self._workspace.contains(np.array(waypoint.xyz)):
+            if np.isfinite(waypoint.xyz).all() and not self._arm.workspace.contains(np.array(waypoint.xyz)):
                 why = "Its target lies outside robot.workspace_low .. workspace_high. Nothing was sent."
                 refusal = self._not_started(index, waypoint, why)
                 listener.waypoint(refusal)
@@ -133,7 +131,7 @@ class Piper:
             listener.moment(Moment(time.monotonic(), state.joints, state.gripper_width))
 
         driver = PiperDriver(session.link, session.loop, self._guard, note)
-        return execute(slow, scene, self.planner, driver, listener, self._options)
+        return execute(slow, scene, self._arm, driver, listener, self._options)
 
     def success_check(self) -> SuccessCheck | None:
         """None: a real robot has none."""
@@ -164,7 +162,7 @@ class Piper:
     def _dry(self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener) -> ExecutionReport:
         """The whole execution as a dry run: one report that nothing was started."""
         driver = DryDriver(self._state(), self._guard)
-        planned = execute(trajectory, scene, self.planner, driver, ExecutionListener(), self._options)
+        planned = execute(trajectory, scene, self._arm, driver, ExecutionListener(), self._options)
         if failed := planned.abort:
             word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
         else:
@@ -179,17 +177,15 @@ class Piper:
         return ExecutionReport((report,), planning, planned.joint_path)
 
 
-def _workspace(config: PiperConfig) -> Box:
-    low, high = config.workspace_low, config.workspace_high
-    lengths = {len(low), len(high), len(config.base_position)}
-    if lengths != {3} or not all(a < b for a, b in zip(low, high, strict=True)):
-        raise ConfigurationError(
-            "robot.workspace_low, workspace_high and base_position are three numbers each, low below high."
-        )
-    return Box(np.array(low, dtype=np.float64), np.array(high, dtype=np.float64))
+def _moved(view: View, world_from_base: FloatArray) -> View:
+    """The view, its camera's pose in the world instead of the base."""
+    pose = world_from_base @ view.camera.world_from_camera
+    return replace(view, camera=replace(view.camera, world_from_camera=pose))
 
 
-def _darkness() -> View:
-    """The view of a robot without cameras: a picture without depth; perception reports that it sees nothing."""
-    pinhole = Pinhole.from_fov(0.7, np.eye(4), 16, 16, "none")
-    return View(pinhole, np.zeros((16, 16, 3), np.uint8), np.full((16, 16), np.nan, np.float32))
+_DARKNESS = View(
+    Pinhole.from_fov(0.7, np.eye(4), 16, 16, "none"),
+    np.zeros((16, 16, 3), np.uint8),
+    np.full((16, 16), np.nan, np.float32),
+)
+"""The view of a robot without cameras: a picture without depth; perception reports that it sees nothing."""

@@ -9,9 +9,8 @@ import numpy as np
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.driver import DriverState, GripResult, MoveResult
+from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
 from gvla2_plugins.piper.arm import MAX_WIDTH, PERIOD
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import ControlLoop
@@ -27,14 +26,12 @@ STOPPED_SHORT, ASSUMED_WIDTH = 0.002, 0.02
 
 
 class PathGuard:
-    """The backend's own limits on joint samples, independent of the planner: workspace and table.
-
-    ``arm``'s forward kinematics are used, so calls must not run at the same time as planning.
+    """The backend's own limits on joint samples, independent of the planner: ``arm``'s workspace, and the fingertips
+    above ``floor``, world z in metres. Calls must not run at the same time as planning.
     """
 
-    def __init__(self, arm: ArmModel, workspace: Box, table_height: float, table_margin: float) -> None:
-        self._arm, self._workspace = arm, workspace
-        self._floor = table_height + table_margin
+    def __init__(self, arm: ArmModel, floor: float) -> None:
+        self._arm, self._floor = arm, floor
 
     def check(self, samples: FloatArray) -> None:
         """Raise :class:`RobotError` for joint samples (T, 6) that leave the workspace or come under the table's margin.
@@ -42,7 +39,8 @@ class PathGuard:
         A path that starts outside (a parked arm) may only come nearer.
         """
         tools = self._arm.tool_positions(samples)
-        outside = np.maximum(self._workspace.low - tools, tools - self._workspace.high).max(axis=1).clip(0.0)
+        box = self._arm.workspace
+        outside = np.maximum(box.low - tools, tools - box.high).max(axis=1).clip(0.0)
         under = (self._floor + self._arm.hand.tip_beyond_tcp - tools[:, 2]).clip(0.0)
         rules = ((outside, 5e-3, "leave the workspace"), (under, 2e-3, "come under the table's margin"))
         for gaps, slack, what in rules:
@@ -72,7 +70,9 @@ class PiperDriver:
         """The measured state, now; see :func:`measured`."""
         return measured(self._link)
 
-    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
+    def follow(
+        self, samples: FloatArray, dt: float, gripper: float, stop: StopRule | None = None
+    ) -> MoveResult:
         """Send the arm through joint targets (T, 6), radians, one every ``dt`` seconds, then settle."""
         samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
         if samples.shape[1] != 6 or not np.isfinite(samples).all() or dt <= 0:
@@ -124,7 +124,9 @@ class DryDriver:
         """Where the arm would be."""
         return DriverState(self._joints.copy(), self._width)
 
-    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
+    def follow(
+        self, samples: FloatArray, dt: float, gripper: float, stop: StopRule | None = None
+    ) -> MoveResult:
         """Check the samples and jump to the last."""
         self._guard.check(samples)
         self._joints = np.asarray(samples[-1], dtype=np.float64).copy()

@@ -59,13 +59,12 @@ class Feedback:
         self._believed = [-NEVER] * 3  # when each joint frame was last believable
         self._foreign, self._unbelievable = "", ""
 
-    def take(self, arbitration_id: int, data: bytes, own: bool = False, now: float | None = None) -> None:
-        """One frame off the bus; ``own`` if it is the echo of this program's frame."""
+    def take(self, arbitration_id: int, data: bytes, now: float | None = None) -> None:
+        """One frame off the bus, which does not give this program's own frames back."""
         now = time.monotonic() if now is None else now
         with self._lock:
             if arbitration_id in frames.COMMANDS:
-                if not own:
-                    self._foreign = f"{arbitration_id:03X} [{data.hex(' ')}]"
+                self._foreign = f"{arbitration_id:03X} [{data.hex(' ')}]"
                 return
             if arbitration_id in frames.JOINTS:
                 self._take_joints(arbitration_id - frames.JOINTS[0], data, now)
@@ -127,56 +126,44 @@ class Feedback:
             )
 
 
-@dataclass(frozen=True)
-class WatchLimits:
-    """Seconds and radians beyond which the arm is held.
+STALE, STALE_STATUS, STALE_DRIVES = 0.1, 0.25, 1.0
+"""Ages of feedback beyond which the arm is held, seconds."""
 
-    ``tracking`` is how far a joint may be from its target for ``tracking_ticks`` ticks in a row; ``heartbeat`` how long
-    the controlling program may be silent, ``lateness`` how late a tick of the loop itself may be. Measurements that
-    stay the same to the last digit for ``frozen`` seconds, while a target travels by more than ``frozen_travel``
-    radians, count as frozen.
-    """
+TRACKING_TICKS = 5
+"""Number of ticks in a row that a joint may be far from its target."""
 
-    stale: float = 0.1
-    stale_status: float = 0.25
-    stale_drives: float = 1.0
-    tracking: float = 0.10
-    tracking_ticks: int = 5
-    heartbeat: float = 0.25
-    lateness: float = 0.1
-    frozen: float = 0.15
-    frozen_travel: float = 0.03
+FROZEN, FROZEN_TRAVEL = 0.15, 0.03
+"""Measurements that stay the same to the last digit for this many seconds, while a target travels by more than this
+many radians, count as frozen."""
 
 
 class Watch:
-    """Judges snapshots; remembers for how long a joint has been off its target, and the last change measured."""
+    """Judges snapshots; remembers for how long a joint has been off its target, and the last change measured.
 
-    def __init__(self, limits: WatchLimits) -> None:
-        self.limits = limits
+    ``tracking`` is how far a joint may be from its target, radians.
+    """
+
+    def __init__(self, tracking: float = 0.10) -> None:
+        self._tracking_limit = tracking
         self._off = 0
         self._same: tuple[float, FloatArray, FloatArray] | None = None  # since when, joints, target then
 
-    def trouble(
-        self, seen: Snapshot, target: FloatArray, reader_ok: bool, sending: str, asleep: float = 0.0
-    ) -> str:
+    def trouble(self, seen: Snapshot, target: FloatArray, sending: str, asleep: float = 0.0) -> str:
         """Why the arm must be held now, in words; "" when all is well.
 
         ``sending`` describes a failed command. ``asleep`` are seconds for which this process itself could not listen
         lately (a long call into a library): feedback may be older by that much.
         """
-        limits = self.limits
         if seen.foreign:
             return f"another program commands the arm: frame {seen.foreign}"
         if sending:
             return sending
-        if seen.joint_age > limits.stale + asleep:
+        if seen.joint_age > STALE + asleep:
             return f"no joint feedback for {1e3 * seen.joint_age:.0f} ms"
-        if seen.status_age > limits.stale_status + asleep:
+        if seen.status_age > STALE_STATUS + asleep:
             return f"no status for {1e3 * seen.status_age:.0f} ms"
-        if seen.drive_age > limits.stale_drives + asleep:
+        if seen.drive_age > STALE_DRIVES + asleep:
             return f"no word from a drive for {seen.drive_age:.1f} s"
-        if not reader_ok and not asleep:
-            return "the SDK's reader receives nothing"
         if seen.unbelievable:
             return f"the measurements can't be believed: {seen.unbelievable}"
         return self.condition(seen) or self._tracking(seen, target) or self._frozen(seen, target)
@@ -203,8 +190,8 @@ class Watch:
     def _tracking(self, seen: Snapshot, target: FloatArray) -> str:
         error = np.abs(seen.joints - target)
         worst = int(error.argmax())
-        self._off = self._off + 1 if error[worst] > self.limits.tracking else 0
-        if self._off < self.limits.tracking_ticks:
+        self._off = self._off + 1 if error[worst] > self._tracking_limit else 0
+        if self._off < TRACKING_TICKS:
             return ""
         return (
             f"joint {worst + 1} is {error[worst]:.2f} rad from its target: stuck, pushed or frozen feedback"
@@ -215,7 +202,7 @@ class Watch:
             self._same = (seen.time, seen.joints, target.copy())
         since, _, then = self._same
         travel = float(np.abs(target - then).max())
-        if seen.time - since <= self.limits.frozen or travel <= self.limits.frozen_travel:
+        if seen.time - since <= FROZEN or travel <= FROZEN_TRAVEL:
             return ""
         return f"the feedback is frozen: no digit has changed while the target travelled by {travel:.2f} rad"
 

@@ -20,6 +20,9 @@ from gvla2_plugins.piper.writer import CommandLog, be_urgent
 SILENT_AFTER = 1.0
 """Seconds of repeated hold frames after a stop; then nothing, so as not to fight a person or a program."""
 
+HEARTBEAT, LATENESS = 0.25, 0.1
+"""How long the controlling program may be silent, and how late a tick of the loop itself may be, seconds."""
+
 _IDLE_EVERY, _MODE_EVERY, _GRIP_EVERY = 5, 20, 10  # ticks
 _LOOK = 0.02  # seconds between heartbeats of the waiting caller
 _NAP = 0.02  # seconds of delay from which on a resting arm is patient
@@ -139,7 +142,7 @@ class ControlLoop:
                 self._beat = time.monotonic()
                 if self._interrupted:
                     raise KeyboardInterrupt
-                if self._beat - self._looked > 2 * self._watch.limits.heartbeat:
+                if self._beat - self._looked > 2 * HEARTBEAT:
                     self._stop("the control loop has died", self._beat)
                 if self.stopped:
                     return
@@ -188,8 +191,7 @@ class ControlLoop:
             self._patience = max(late if late > _NAP else 0.0, self._patience - PERIOD)
             if not self.stopped:
                 asleep = 0.0 if self.moving else self._patience
-                sound = self._link.reader_ok()
-                reason = self._watch.trouble(seen, self._target, sound, self._link.gate.trouble, asleep)
+                reason = self._watch.trouble(seen, self._target, self._link.gate.trouble, asleep)
                 if not reason and self.moving:
                     reason = self._absence(now, late)
                 if reason:
@@ -200,10 +202,9 @@ class ControlLoop:
             self._send(now)
 
     def _absence(self, now: float, late: float) -> str:
-        limits = self._watch.limits
-        if now - self._beat > limits.heartbeat:
+        if now - self._beat > HEARTBEAT:
             return f"the program that moves the arm was silent for {1e3 * (now - self._beat):.0f} ms"
-        if late > limits.lateness:
+        if late > LATENESS:
             return f"the control loop is {1e3 * late:.0f} ms late: this computer is too busy"
         return ""
 
@@ -233,8 +234,7 @@ class ControlLoop:
                 return
             self.stopped, self.stopped_at = reason, found
             self._halt()
-            with contextlib.suppress(RobotError):
-                self._link.move_joints(self._target)
+            self._link.move_joints(self._target)
             self.held_at = time.monotonic()
             with contextlib.suppress(RobotError):
                 self._log.write("event", event="stop", why=reason, found=found, held=self.held_at)

@@ -16,8 +16,8 @@ import numpy as np
 
 from gvla2.errors import RobotError
 from gvla2_plugins.piper import PiperConfig, frames
-from gvla2_plugins.piper.arm import HIGH, LOW, Bounds
-from gvla2_plugins.piper.feedback import Snapshot, Watch, WatchLimits
+from gvla2_plugins.piper.arm import HIGH, LOW, SLACK, Bounds
+from gvla2_plugins.piper.feedback import Snapshot, Watch
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import ControlLoop
 from gvla2_plugins.piper.writer import CommandLog, WriterLock, default_log
@@ -55,7 +55,7 @@ def check_health(link: PiperLink) -> Snapshot:
         why = f"its joint feedback is {1e3 * seen.joint_age:.0f} ms old"
     elif wrong := Watch.condition(seen, armed=False):
         why = f"{wrong}. Clear it with the maker's tool while somebody holds the arm"
-    elif outside.max() > link.bounds.slack:
+    elif outside.max() > SLACK:
         why = f"joint {int(outside.argmax()) + 1} is {outside.max():.3f} rad outside its limits"
     elif drift > STILL:
         why = f"it moved by {drift:.3f} rad while listening: another program commands it, or somebody moves it manually"
@@ -88,7 +88,8 @@ def power_up(link: PiperLink) -> Snapshot:
 
     Raises :class:`RobotError` when the arm answers late or a motor stays off; it is then left unchanged.
     """
-    link.open_gate()
+    link.feedback.forget_trouble()
+    link.gate.open_gate()
     asked = time.monotonic()
     link.ask()
     why = ""
@@ -110,7 +111,7 @@ def power_up(link: PiperLink) -> Snapshot:
             link.joint_mode()
             link.move_joints(seen.joints)
         time.sleep(0.02)
-        why = seen.foreign or seen.unbelievable
+        why = seen.foreign or seen.unbelievable or link.gate.trouble
         if elapsed > ENABLE_SECONDS:
             off = [i + 1 for i, on in enumerate(seen.enabled) if not on]
             why = f"the motors of joints {off} stayed off" if off else "no CAN control"
@@ -145,8 +146,7 @@ class Session:
                 seen = power_up(self.link)
                 log.write("event", event="armed", joints=seen.joints.tolist())
                 self.link.feedback.forget_trouble()
-                watch = Watch(WatchLimits(tracking=config.tracking_limit))
-                self.loop = ControlLoop(self.link, watch, log)
+                self.loop = ControlLoop(self.link, Watch(config.tracking_limit), log)
                 self.loop.start(seen.joints)
                 opened.callback(self.loop.end)
                 self._watch_signals()

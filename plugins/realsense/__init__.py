@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 class RealsenseConfig(ComponentConfig):
     """Options of ``realsense``.
 
-    ``calibration`` is the file that `gvla2 calibrate` writes; required, and the pictures get its size. ``serial`` is
+    ``calibration`` is the hand-eye file (docs/piper.md); required, and the pictures get its size. ``serial`` is
     needed only where several cameras are plugged in and the file's is not to be used. ``fps`` is pictures per second.
     ``warm_up`` pictures are dropped at the start, while the exposure settles. ``timeout`` is how long to wait for a
     picture, seconds.

@@ -4,8 +4,8 @@ A folder of pictures is one camera's; or it has a folder of pictures for each of
 
 * ``000.rgb.png``, 8 bit colour, ``001.rgb.png``, ...
 * ``000.depth.png``, 16 bit in units of ``depth_scale``; or ``000.depth.npy``, metres if it holds floats, else units
-* ``camera.json``, the hand-eye calibration that `gvla2 calibrate` writes, and optionally ``depth_scale``, metres per
-  unit (0.001 by default)
+* ``camera.json``, the hand-eye calibration (docs/piper.md), and optionally ``depth_scale``, metres per unit (0.001 by
+  default)
 
 Depth is measured along the camera's z and aligned to the colour picture; 0 and NaN are where nothing was measured.
 """
@@ -25,12 +25,10 @@ if TYPE_CHECKING:
 class ReplayConfig(ComponentConfig):
     """Options of ``replay``.
 
-    ``path`` is a folder of pictures. Each observation shows the next frame, and the last again at the end. ``serial``
-    refuses recordings of another camera, "" takes any.
+    ``path`` is a folder of pictures. Each observation shows the next frame, and the last again at the end.
     """
 
     path: str = ""
-    serial: str = ""
 
 
 def _build(config: ReplayConfig) -> DepthCamera:

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, did_you_mean
+from gvla2.errors import ConfigurationError
 from gvla2.planning.scene import Box
 from gvla2.robot.mujoco.stepping import EnvWorld, import_robosuite, joint_controller, silent
 from gvla2_plugins.robosuite import RobosuiteConfig
@@ -50,13 +50,8 @@ class RobosuiteWorlds:
         """Our sentences by the tasks' names."""
         return SENTENCES
 
-    def load(self, task: str | None) -> RobosuiteWorld:
+    def load(self, task: str) -> RobosuiteWorld:
         """The world of a task."""
-        if task is None or task not in SENTENCES:
-            raise ConfigurationError(
-                f"robot=robosuite has no task '{task or 'none'}'.{did_you_mean(task or '', SENTENCES)} It has "
-                f"{', '.join(SENTENCES)}."
-            )
         config = self._config
         control = {"type": "BASIC", "body_parts": {"right": _arm_controller(config.stiffness)}}
         with silent():

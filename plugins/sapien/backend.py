@@ -10,6 +10,7 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.component import check_ranges
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, RayImage
@@ -22,7 +23,6 @@ from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck, judge
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
 from gvla2.robot.looks import OWN_DEPTH, RobotLooks, body_surface
-from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite, WorldState
 from gvla2.robot.workcell import TABLE_RGB, make_cell
@@ -111,11 +111,8 @@ class SapienArm:
         import_sapien()
         self._config, self._cell = config, make_cell(config)
         self._cell.check_cameras(config.cameras)
-        bad = [f"{name}={getattr(config, name)}" for name in POSITIVE if not getattr(config, name) > 0]
-        if bad:
-            raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
+        check_ranges(config, "robot", dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")))
         self._arm = self._cell.arm
-        self._planner = MotionPlanner(self._arm)
         self._robot = self._cell.looks
         self._world: SapienWorld | None = None
         self._objects: RayCaster | None = None
@@ -185,7 +182,7 @@ class SapienArm:
             world, self._config, self._arm.hand.max_width, None if listener is _SILENT else film
         )
         with Filming(listener) as reel:
-            return execute(trajectory, scene, self._planner, driver, listener)
+            return execute(trajectory, scene, self._arm, driver, listener)
 
     def success_check(self) -> SuccessCheck | None:
         """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""

@@ -1,4 +1,4 @@
-"""Driving a simulated arm: implements :class:`gvla2.robot.driver.Driver`, and feels guards."""
+"""Driving a simulated arm: implements :class:`gvla2.robot.driver.Driver`, and feels contact."""
 
 from __future__ import annotations
 
@@ -60,8 +60,13 @@ class SapienDriver:
         """The measured state, now."""
         return DriverState(self._world.joints, self._world.gripper_width, self._world.time)
 
-    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
-        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle."""
+    def follow(
+        self, samples: FloatArray, dt: float, gripper: float, stop: StopRule | None = None
+    ) -> MoveResult:
+        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle.
+
+        The force that ``stop`` gets is the wrist's, the mean of the last physics steps.
+        """
         samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
         if samples.shape[1] != len(self._world.joints) or not np.isfinite(samples).all() or dt <= 0:
             raise RobotError(
@@ -69,6 +74,8 @@ class SapienDriver:
                 f"{samples.shape} at dt={dt}."
             )
         self._begin()
+        self._stop = stop
+        self._felt.clear()
         if not self._squeezes_at(gripper):
             self._world.drive_fingers(self._travel(gripper))
         for target, speed in zip(*self._resample(samples, dt), strict=True):
@@ -86,15 +93,6 @@ class SapienDriver:
             self._advance(samples[-1])
         self._watch()
         return MoveResult(tuple(sorted(self._touched)), self._diverged, self._stopped)
-
-    def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
-        """As :meth:`follow`, until ``stop``; its force is the wrist's, the mean of the last physics steps."""
-        self._stop = stop
-        self._felt.clear()
-        try:
-            return self.follow(samples, dt, gripper)
-        finally:
-            self._stop = None
 
     def grip(self, opening: float) -> GripResult:
         """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""

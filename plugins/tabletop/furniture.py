@@ -12,7 +12,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.placing import at
+from gvla2.robot.placing import at, sample_until
 from gvla2.robot.solids import tray
 from gvla2.robot.task import Body, Joint, Layout, TaskInstance
 from gvla2_plugins.tabletop import OpenBoxConfig, ScaledConfig
@@ -77,7 +77,7 @@ def draw_box(draw: Draw, scale: float) -> LidBox | None:
     root = draw.root(YAW)
     half = 0.5 * scale * np.array(BOX[:2])
     corners = [root[:2, 3] + root[:2, :2] @ (half * (x, y)) for x in (-1, 1) for y in (-1, 1)]
-    return LidBox(root, scale) if all(draw.inside(corner, 0.0) for corner in corners) else None
+    return LidBox(root, scale) if all(draw.site.inside(corner, 0.0) for corner in corners) else None
 
 
 def shut_paths(lid_box: LidBox, angles: FloatArray) -> list[list[FloatArray]]:
@@ -154,7 +154,7 @@ class OpenBox(TabletopTask[OpenBoxConfig]):
                     return lid_box
             return None
 
-        lid_box = draw.until(place, "a box")
+        lid_box = sample_until(place, "a box")
         colours = draw.colours(2)
         return draw.instance(
             Layout(lid_box.bodies(0.0, colours), (lid_box.joint(opens=True),)),
@@ -189,7 +189,7 @@ class CloseBox(TabletopTask[ScaledConfig]):
             lid_box = draw_box(draw, self.scale)
             return lid_box if lid_box and any(map(draw.site.follows, shut_paths(lid_box, angles))) else None
 
-        lid_box = draw.until(place, "an open box")
+        lid_box = sample_until(place, "an open box")
         colours = draw.colours(2)
         return draw.instance(
             Layout(lid_box.bodies(TRAVEL, colours), (lid_box.joint(opens=False),)),
@@ -230,7 +230,7 @@ class OpenDrawer(TabletopTask[ScaledConfig]):
 
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A cabinet with a drawer."""
-        root = draw.until(lambda: self._root(draw), "a cabinet")
+        root = sample_until(lambda: self._root(draw), "a cabinet")
         colour, body_colour = draw.colours(2, beside=(HANDLE_RGB,))
         slide = Joint(
             "slide", "prismatic", "cabinet", "drawer", axis=-root[:3, 0], origin=root[:3, 3],
@@ -248,7 +248,7 @@ class OpenDrawer(TabletopTask[ScaledConfig]):
         root, k = draw.root(YAW), self.scale
         x, y = k * CABINET[0] / 2, k * CABINET[1] / 2
         corners = [at(root, sx * x, sy * y)[:2, 3] for sx in (-1, 1) for sy in (-1, 1)]
-        if not all(draw.inside(corner, 0.0) for corner in corners):
+        if not all(draw.site.inside(corner, 0.0) for corner in corners):
             return None
         return root if any(map(draw.site.follows, handle_paths(root, k))) else None
 

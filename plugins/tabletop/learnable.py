@@ -16,29 +16,20 @@ from gvla2.robot.task import Body, Catch, Joint, Layout, Primitive, TaskInstance
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.scenes import TabletopTask, lifted
 
+RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "jar": (80.0, 300.0),  # degrees of turn at which a lid comes loose
+        "bottle": (80.0, 250.0),  # the same for caps
+        "click": (0.004, 0.020),  # metres that a button travels until its lamp is lit
+        "hold": (0.2, 3.0),  # seconds that a button has to be held down
+        "catch": (0.006, 0.025),  # metres that a drawer's handle is lifted before the drawer can be pulled
+        "spring": (98.0, 114.0),  # degrees of opening from which a lid stays open, against its spring
+    }
+)
+"""Of each trait, uniform."""
 
-@dataclass(frozen=True)
-class Ranges:
-    """The ranges of a family's properties, uniform unless noted.
-
-    ``jar`` and ``bottle``: degrees of turn at which a cap comes loose, and the share of bottles whose thread is
-    ``left_handed``. ``click``: metres that a button travels until its lamp is lit. ``hold``: seconds that it has to be
-    held down. ``catch``: metres that a drawer's handle is lifted before the drawer can be pulled; the share
-    ``no_catch`` of the drawers has none. ``spring``: degrees of opening from which a lid stays open by its weight;
-    short of that its spring shuts it.
-    """
-
-    jar: tuple[float, float] = (80.0, 300.0)
-    bottle: tuple[float, float] = (80.0, 250.0)
-    left_handed: float = 0.5
-    click: tuple[float, float] = (0.004, 0.020)
-    hold: tuple[float, float] = (0.2, 3.0)
-    catch: tuple[float, float] = (0.006, 0.025)
-    no_catch: float = 0.25
-    spring: tuple[float, float] = (98.0, 114.0)
-
-
-RANGES = Ranges()
+LEFT_HANDED, NO_CATCH = 0.5, 0.25
+"""The share of bottles whose thread is left-handed, and of drawers without a catch."""
 
 
 @dataclass(frozen=True)
@@ -69,21 +60,21 @@ COLOURED = ("red", "blue", "lime", "magenta", "cyan", "orange")
 """Colours of families: hues that are distinct in any light."""
 
 
-def families(kind: str, world: int, count: int, ranges: Ranges = RANGES) -> tuple[Family, ...]:
+def families(kind: str, world: int, count: int) -> tuple[Family, ...]:
     """The families of a kind in the world of that seed, each of another colour; the same at each call."""
     rng = np.random.default_rng([world, zlib.crc32(kind.encode())])
     colours = [COLOURED[i] for i in rng.permutation(len(COLOURED))[:count]]
     traits = (TRAITS[kind][i % len(TRAITS[kind])] for i in range(count))
-    return tuple(Family(c, t, _drawn(t, rng, ranges)) for c, t in zip(colours, traits, strict=True))
+    return tuple(Family(c, t, _drawn(t, rng)) for c, t in zip(colours, traits, strict=True))
 
 
-def _drawn(trait: str, rng: np.random.Generator, ranges: Ranges) -> float:
-    value = float(rng.uniform(*getattr(ranges, trait)))
+def _drawn(trait: str, rng: np.random.Generator) -> float:
+    value = float(rng.uniform(*RANGES[trait]))
     if trait in ("jar", "bottle", "spring"):
         value = float(np.deg2rad(value))
-    if trait == "bottle" and rng.random() < ranges.left_handed:
+    if trait == "bottle" and rng.random() < LEFT_HANDED:
         return -value
-    if trait == "catch" and rng.random() < ranges.no_catch:
+    if trait == "catch" and rng.random() < NO_CATCH:
         return 0.0
     return value
 

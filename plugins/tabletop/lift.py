@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.placing import clear, planar
+from gvla2.robot.placing import clear, planar, sample_until
 from gvla2.robot.solids import Volume, body_points, cup, on, tray
 from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, WorldState
-from gvla2_plugins.tabletop import PickAndLiftConfig, ScaledConfig
+from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.scenes import DOWN, PAINT, Draw, Rgb, TabletopTask, box, cylinder, lifted, scaled
+
+CUBES, CUBE_SIZE, CUBE_MASS = 3, 0.05, 0.125
+CUBES_AREA, CUBES_GAP = (0.43, 0.565), 0.10
+"""Metres and kilograms: the area about the root that the cubes lie in, and the room between them."""
 
 START_VOLUME = (0.30, 0.30, 0.03)
 """The volume of the relaxed profile, standing on the table about the cube's starting place, metres."""
@@ -21,7 +24,7 @@ SENSOR_HEIGHT, SENSOR_THICKNESS = 0.248, 0.05
 around that height, triggered by any part of the cube, like a proximity sensor."""
 
 
-class PickAndLift(TabletopTask[PickAndLiftConfig]):
+class PickAndLift(TabletopTask[ScaledConfig]):
     """Lift the cube of the named colour.
 
     relaxed: the cube has left a volume of 0.3 x 0.3 x 0.03 m that stands on the table about its starting place: no
@@ -39,23 +42,15 @@ class PickAndLift(TabletopTask[PickAndLiftConfig]):
         "grasp the cube that is {colour} and lift it up to the target height",
     )
 
-    def check(self, config: PickAndLiftConfig) -> None:
-        """There must be a cube."""
-        if config.cubes < 1 or config.size <= 0 or config.mass <= 0:
-            raise ConfigurationError(
-                f"task=pick_and_lift needs at least one cube of positive size and mass, got cubes={config.cubes}, "
-                f"size={config.size}, mass={config.mass}."
-            )
-
     def lay_out(self, draw: Draw) -> TaskInstance:
         """Some cubes."""
-        size, count, table = self.scale * self.config.size, self.config.cubes, draw.site.table_height
-        poses = draw.until(lambda: self._poses(draw, size), f"{count} cubes")
-        colours = draw.colours(count)
-        own = int(draw.rng.integers(count))
+        size, table = self.scale * CUBE_SIZE, draw.site.table_height
+        poses = sample_until(lambda: self._poses(draw, size), f"{CUBES} cubes")
+        colours = draw.colours(CUBES)
+        own = int(draw.rng.integers(CUBES))
         target, aside = draw.named(colours, own)
         bodies = tuple(
-            Body(f"cube_{i}", (box([size] * 3, COLOURS[c]),), poses[i], self.config.mass, label=f"{c} cube")
+            Body(f"cube_{i}", (box([size] * 3, COLOURS[c]),), poses[i], CUBE_MASS, label=f"{c} cube")
             for i, c in enumerate(colours)
         )
         cube, start = bodies[target], poses[target]
@@ -83,17 +78,14 @@ class PickAndLift(TabletopTask[PickAndLiftConfig]):
 
     def _poses(self, draw: Draw, size: float) -> list[FloatArray] | None:
         """Poses (4, 4) of all cubes in the area about a random root; None when one is out of place."""
-        count, radius, table = self.config.cubes, size / np.sqrt(2.0), draw.site.table_height
+        radius, table = size / np.sqrt(2.0), draw.site.table_height
         root = draw.root()
-        half = 0.5 * np.asarray(self.config.area) - radius
-        if (half < 0).any():
-            return None
-        centres, yaws = _scattered(draw, root, half, count)
-        if not clear(centres, [radius] * count, self.config.gap):
+        centres, yaws = _scattered(draw, root, 0.5 * np.asarray(CUBES_AREA) - radius, CUBES)
+        if not clear(centres, [radius] * CUBES, CUBES_GAP):
             return None
         # Reach last: inverse kinematics costs more than everything else.
-        if not all(draw.inside(xy, radius) for xy in centres) or not all(
-            draw.in_reach(xy, size / 2, SENSOR_HEIGHT + size) for xy in centres
+        if not all(draw.site.inside(xy, radius) for xy in centres) or not all(
+            draw.site.in_reach(xy, size / 2, SENSOR_HEIGHT + size) for xy in centres
         ):
             return None
         return [planar(xy, table + size / 2, yaw) for xy, yaw in zip(centres, yaws, strict=True)]
@@ -130,7 +122,7 @@ class PickupCup(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """Two cups, wider than the hand opens."""
         diameter, height = DIAMETER * self.scale, HEIGHT * self.scale
-        poses = draw.until(lambda: self._poses(draw, diameter / 2, height), "two cups")
+        poses = sample_until(lambda: self._poses(draw, diameter / 2, height), "two cups")
         colours = draw.colours(2)
         target, aside = draw.named(colours, 0)
         bodies = []
@@ -157,9 +149,11 @@ class PickupCup(TabletopTask[ScaledConfig]):
         """Poses (4, 4) of both cups' undersides."""
         root = draw.root()
         centres, yaws = _scattered(draw, root, 0.5 * np.asarray(AREA) - radius, 2)
-        if not clear(centres, [radius, radius], GAP) or not all(draw.inside(xy, radius) for xy in centres):
+        if not clear(centres, [radius, radius], GAP) or not all(
+            draw.site.inside(xy, radius) for xy in centres
+        ):
             return None
-        if not all(draw.in_reach(xy, height - 0.02, height + 0.2) for xy in centres):
+        if not all(draw.site.in_reach(xy, height - 0.02, height + 0.2) for xy in centres):
             return None
         return [planar(xy, draw.site.table_height, yaw) for xy, yaw in zip(centres, yaws, strict=True)]
 
@@ -189,7 +183,7 @@ class TakeUmbrella(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """An umbrella in its stand."""
         k = self.scale
-        root = draw.until(lambda: self._root(draw), "an umbrella stand")
+        root = sample_until(lambda: self._root(draw), "an umbrella stand")
         (colour,) = draw.colours(1, beside=(STAND_RGB, SHAFT_RGB))
         size = scaled(k, STAND)
         walls = tray(size, STAND_WALL, STAND_RGB)
@@ -213,9 +207,9 @@ class TakeUmbrella(TabletopTask[ScaledConfig]):
 
     def _root(self, draw: Draw) -> FloatArray | None:
         root, handle = draw.root(), self.scale * HANDLE_AT
-        if not draw.inside(root[:2, 3], self.scale * STAND[0] / np.sqrt(2)):
+        if not draw.site.inside(root[:2, 3], self.scale * STAND[0] / np.sqrt(2)):
             return None
-        return root if draw.in_reach(root[:2, 3], handle, handle + 0.12, handle + 0.26) else None
+        return root if draw.site.in_reach(root[:2, 3], handle, handle + 0.12, handle + 0.26) else None
 
 
 def _umbrella(k: float, rgb: Rgb) -> tuple[Primitive, ...]:
@@ -258,7 +252,7 @@ class PushBlock(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A block and its target."""
         size, table = self.scale * BLOCK_SIZE, draw.site.table_height
-        start, spot = draw.until(lambda: self._poses(draw, size), "a block and its target")
+        start, spot = sample_until(lambda: self._poses(draw, size), "a block and its target")
         colour, target_colour = draw.colours(2)
         block = Body("block", (box([size] * 3, COLOURS[colour]),), start, BLOCK_MASS, label=f"{colour} cube")
         paint = box((TARGET, TARGET, PAINT), COLOURS[target_colour], collides=False)
@@ -292,11 +286,11 @@ class PushBlock(TabletopTask[ScaledConfig]):
         free = distance - (size + TARGET) / np.sqrt(2.0) > 0
         if (
             not free
-            or not draw.inside(start, size / np.sqrt(2.0))
-            or not draw.inside(goal, TARGET / np.sqrt(2))
+            or not draw.site.inside(start, size / np.sqrt(2.0))
+            or not draw.site.inside(goal, TARGET / np.sqrt(2))
         ):
             return None
-        if not all(draw.in_reach(xy, size / 2, 0.15) for xy in (start - ROOM_BEHIND * towards, goal)):
+        if not all(draw.site.in_reach(xy, size / 2, 0.15) for xy in (start - ROOM_BEHIND * towards, goal)):
             return None
         table = draw.site.table_height
         return (
@@ -344,7 +338,7 @@ class LampOn(TabletopTask[ScaledConfig]):
 
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A lamp and its button."""
-        root = draw.until(lambda: self._root(draw), "a lamp")
+        root = sample_until(lambda: self._root(draw), "a lamp")
         (colour,) = draw.colours(1, beside=(BASE_RGB, POST_RGB, SHADE_RGB))
         height = LAMP_HEIGHT - LAMP_BASE[2]
         diameter, post_top = self.scale * LAMP_DIAMETER, LAMP_BASE[2] + POST[2]
@@ -374,6 +368,6 @@ class LampOn(TabletopTask[ScaledConfig]):
         """Pose (4, 4) of the middle of the base's underside; None when it is out of place."""
         root = draw.root()
         button = transform_points(root, (BUTTON_X, 0.0, 0.0))[:2]
-        if not draw.inside(root[:2, 3], 0.5 * float(np.hypot(LAMP_BASE[0], LAMP_BASE[1]))):
+        if not draw.site.inside(root[:2, 3], 0.5 * float(np.hypot(LAMP_BASE[0], LAMP_BASE[1]))):
             return None
-        return root if draw.in_reach(button, 0.01, LAMP_HEIGHT + 0.15) else None
+        return root if draw.site.in_reach(button, 0.01, LAMP_HEIGHT + 0.15) else None

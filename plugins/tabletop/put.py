@@ -54,7 +54,7 @@ class PutBlock(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A block and its target."""
         size = SIZE * self.scale
-        root = draw.until(lambda: self._root(draw, size), "a block and its target")
+        root = sample_until(lambda: self._root(draw, size), "a block and its target")
         colour, target_colour = draw.colours(2)
         cube = box([size] * 3, COLOURS[colour])
         block = Body("block", (cube,), at(root, *BLOCK_AT, size / 2), BLOCK_MASS, label=f"{colour} cube")
@@ -74,9 +74,11 @@ class PutBlock(TabletopTask[ScaledConfig]):
     def _root(self, draw: Draw, size: float) -> FloatArray | None:
         root = draw.root()
         block, target = at(root, *BLOCK_AT)[:2, 3], at(root, *TARGET_AT)[:2, 3]
-        if not draw.inside(block, size / np.sqrt(2)) or not draw.inside(target, TARGET / np.sqrt(2)):
+        if not draw.site.inside(block, size / np.sqrt(2)) or not draw.site.inside(
+            target, TARGET / np.sqrt(2)
+        ):
             return None
-        return root if all(draw.in_reach(xy, size / 2, 0.2) for xy in (block, target)) else None
+        return root if all(draw.site.in_reach(xy, size / 2, 0.2) for xy in (block, target)) else None
 
 
 TRAY, TRAY_WALL = (0.318, 0.318, 0.05), 0.008
@@ -111,7 +113,7 @@ class SortMustard(TabletopTask[ScaledConfig]):
         """A tray, the bottle, a can and a carton."""
         length, width, height = scaled(self.scale, BOTTLE)
         size = (length, min(width, MOST_SPAN), height)
-        place, *spots = draw.until(lambda: self._poses(draw, size), "a tray and three items")
+        place, *spots = sample_until(lambda: self._poses(draw, size), "a tray and three items")
         shapes = _mustard(size, SHOULDERS * self.scale)
         bottle = Body("bottle", shapes, spots[0], BOTTLE_MASS, label="yellow mustard bottle", shape="box")
         container = Body("tray", tray(TRAY, TRAY_WALL, GREY), place, fixed=True, label="gray tray")
@@ -139,12 +141,12 @@ class SortMustard(TabletopTask[ScaledConfig]):
         yaws = draw.rng.uniform(-np.pi, np.pi, size=3)
         radii = [TRAY[0] / np.sqrt(2), _half_diagonal(size), MUSTARD_CAN[0] / 2, _half_diagonal(CARTON)]
         room = [TRAY[0] / 2, *radii[1:]]
-        if not clear(spots, radii, 0.03) or not all(map(draw.inside, spots, room)):
+        if not clear(spots, radii, 0.03) or not all(map(draw.site.inside, spots, room)):
             return None
         grasp = size[2] - GRASP_DEPTH
-        if not draw.in_reach(spots[1], grasp, grasp + 0.12):
+        if not draw.site.in_reach(spots[1], grasp, grasp + 0.12):
             return None
-        if not draw.in_reach(spots[0], grasp, grasp + 0.15):
+        if not draw.site.in_reach(spots[0], grasp, grasp + 0.15):
             return None
         table = draw.site.table_height
         return [root, *(planar(xy, table, float(yaw)) for xy, yaw in zip(spots[1:], yaws, strict=True))]
@@ -245,14 +247,14 @@ class SortObject(TabletopTask[ScaledConfig]):
         spots = np.stack([root[:2, 3] for root in roots])
         radii = [BIN[0] / np.sqrt(2)] * 2 + [_half_diagonal(size) for size in self._sizes()]
         radii = radii[: len(roots)]
-        within = all(draw.inside(xy, min(r, BIN[0] / 2)) for xy, r in zip(spots, radii, strict=True))
+        within = all(draw.site.inside(xy, min(r, BIN[0] / 2)) for xy, r in zip(spots, radii, strict=True))
         return within and clear(spots, radii, GAP)
 
 
 def _reached(draw: Draw, index: int, root: FloatArray) -> bool:
     """Whether the hand gets to the object, or to both places in the bin."""
     sides = (-1.0, 1.0) if index < 2 else (0.0,)
-    return all(draw.in_reach(at(root, side * ASIDE, 0.0)[:2, 3], 0.02, 0.24) for side in sides)
+    return all(draw.site.in_reach(at(root, side * ASIDE, 0.0)[:2, 3], 0.02, 0.24) for side in sides)
 
 
 STAND, TILT = (0.041, 0.08, 0.155), np.deg2rad(5.0)
@@ -286,7 +288,7 @@ class PutKnife(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A knife in its block, and a board."""
         k = self.scale
-        root, stand = draw.until(lambda: self._poses(draw), "a knife block and a board")
+        root, stand = sample_until(lambda: self._poses(draw), "a knife block and a board")
         (colour,) = draw.colours(1, beside=(BLOCK_RGB, STEEL, BOARD_RGB))
         board = box(BOARD, BOARD_RGB, (0, 0, BOARD[2] / 2))
         knife = Body(
@@ -317,10 +319,14 @@ class PutKnife(TabletopTask[ScaledConfig]):
         x, y = np.asarray(SPAWN_AT) + draw.rng.uniform(-0.5, 0.5, size=2) * SPAWN
         foot = at(root, x, y, 0.0, draw.angle())
         spots = np.stack([root[:2, 3], foot[:2, 3]])
-        if not clear(spots, (BOARD[1] / 2, k * STAND[1]), 0.02) or not draw.inside(foot[:2, 3], k * 0.05):
+        if not clear(spots, (BOARD[1] / 2, k * STAND[1]), 0.02) or not draw.site.inside(
+            foot[:2, 3], k * 0.05
+        ):
             return None
         beside = np.abs(np.linalg.inv(root) @ foot[:, 3])[:2]
-        if (beside < np.array(BOARD[:2]) / 2 + k * 0.05).all() or not draw.inside(root[:2, 3], BOARD[1] / 2):
+        if (beside < np.array(BOARD[:2]) / 2 + k * 0.05).all() or not draw.site.inside(
+            root[:2, 3], BOARD[1] / 2
+        ):
             return None
         # The lower edge of the leaning block is on the table.
         lean = rigid(Rotation.from_euler("y", TILT).as_matrix(), (0, 0, k * STAND[0] / 2 * np.sin(TILT)))

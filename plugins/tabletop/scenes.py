@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.placing import distinct, in_reach, inside, sample_root, sample_until
+from gvla2.robot.placing import distinct, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 
@@ -37,10 +37,6 @@ class Draw:
     templates: Sequence[str]
     given: str | None = None
 
-    def until(self, place: Callable[[], T | None], what: str) -> T:
-        """The first placement that is not None; raises :class:`ConfigurationError` after many tries."""
-        return sample_until(place, what)
-
     def root(self, yaw: float = np.pi) -> FloatArray:
         """world_from_root (4, 4) on the table, turned by up to ``yaw`` either way."""
         return sample_root(self.rng, self.site, yaw)
@@ -48,14 +44,6 @@ class Draw:
     def angle(self) -> float:
         """Any angle, radians."""
         return float(self.rng.uniform(-np.pi, np.pi))
-
-    def inside(self, xy: FloatArray, radius: float) -> bool:
-        """Whether a disc about ``xy`` (2,) lies in the site."""
-        return inside(self.site, xy, radius)
-
-    def in_reach(self, xy: FloatArray, *heights: float) -> bool:
-        """Whether the hand, pointing down, gets to ``xy`` (2,) at all ``heights`` above the table, metres."""
-        return in_reach(self.site, xy, heights)
 
     def colours(self, count: int, beside: Iterable[Rgb] = ()) -> tuple[str, ...]:
         """``count`` colour words, each distinct from the others, from the table and from the colours ``beside``.

@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.placing import at, clear
+from gvla2.robot.placing import at, clear, sample_until
 from gvla2.robot.solids import Volume, on
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, Thread, WorldState
 from gvla2_plugins.tabletop import OpenJarConfig, ScaledConfig
@@ -55,7 +55,7 @@ class OpenJar(TabletopTask[OpenJarConfig]):
         """Two jars and a painted patch; lid and jar no broader than the hand can hold."""
         k, most = self.scale, draw.site.span - FINGER_ROOM
         sizes = ((min(k * LID[0], most), k * LID[1]), (min(k * JAR[0], most - OVERHANG), k * JAR[1]))
-        root, spots = draw.until(lambda: self._poses(draw, sizes), "two jars")
+        root, spots = sample_until(lambda: self._poses(draw, sizes), "two jars")
         *colours, patch = draw.colours(3, beside=(LID_RGB,))
         target, aside = draw.named(colours, 0)
         release = float(np.deg2rad(self.config.turn))
@@ -90,12 +90,12 @@ class OpenJar(TabletopTask[OpenJarConfig]):
         radii = [radius, radius, PATCH / np.sqrt(2)]
         if not clear(spots, radii, GAP / 2) or not clear(spots[:2], radii[:2], GAP):
             return None
-        if not all(map(draw.inside, spots, radii)):
+        if not all(map(draw.site.inside, spots, radii)):
             return None
         top = sizes[1][1] + sizes[0][1]
-        if not all(draw.in_reach(xy, top, top + 0.15) for xy in spots[:2]):
+        if not all(draw.site.in_reach(xy, top, top + 0.15) for xy in spots[:2]):
             return None
-        return (root, jars) if draw.in_reach(place, 0.02, top + 0.15) else None
+        return (root, jars) if draw.site.in_reach(place, 0.02, top + 0.15) else None
 
 
 def _jar(i: int, spot: FloatArray, colour: str, sizes: Sizes) -> tuple[Body, Body]:
@@ -137,7 +137,7 @@ class OpenWine(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A wine bottle."""
         k = self.scale
-        root = draw.until(lambda: self._root(draw), "a wine bottle")
+        root = sample_until(lambda: self._root(draw), "a wine bottle")
         shoulder, neck, mouth = k * BOTTLE[1], k * (BOTTLE[1] + 0.02), k * (CAP_AT - CAP[2] / 2)
         glass = (
             cylinder(k * BOTTLE[0], 0.0, shoulder, GLASS),
@@ -163,6 +163,6 @@ class OpenWine(TabletopTask[ScaledConfig]):
 
     def _root(self, draw: Draw) -> FloatArray | None:
         root, top = draw.root(), self.scale * CAP_AT
-        if not draw.inside(root[:2, 3], self.scale * BOTTLE[0] / 2):
+        if not draw.site.inside(root[:2, 3], self.scale * BOTTLE[0] / 2):
             return None
-        return root if draw.in_reach(root[:2, 3], top, top + 0.14) else None
+        return root if draw.site.in_reach(root[:2, 3], top, top + 0.14) else None

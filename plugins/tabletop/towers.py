@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.placing import at
+from gvla2.robot.placing import at, sample_until
 from gvla2.robot.solids import Volume, square_ring
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
@@ -48,7 +48,7 @@ class PlayJenga(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A tower of bricks with one that sticks out."""
         k = self.scale
-        root = draw.until(lambda: self._root(draw), "a tower of bricks")
+        root = sample_until(lambda: self._root(draw), "a tower of bricks")
         colour, circle = draw.colours(2, beside=(WOOD,))
         bricks = []
         for layer, slot in np.ndindex(LAYERS, 3):
@@ -93,9 +93,9 @@ class PlayJenga(TabletopTask[ScaledConfig]):
     def _root(self, draw: Draw) -> FloatArray | None:
         root, k = draw.root(YAW), self.scale
         end = at(root, 0.0, k * (BRICK[0] / 2 + STICKS_OUT))[:2, 3]
-        if not draw.inside(root[:2, 3], k * BRICK[0] / np.sqrt(2)) or not draw.inside(end, 0.03):
+        if not draw.site.inside(root[:2, 3], k * BRICK[0] / np.sqrt(2)) or not draw.site.inside(end, 0.03):
             return None
-        if not draw.inside(at(root, *GOAL)[:2, 3], GOAL_RADIUS):
+        if not draw.site.inside(at(root, *GOAL)[:2, 3], GOAL_RADIUS):
             return None
         paths = brick_paths(root, self._loose(root, "red").world_from_body, k)
         return root if any(map(draw.site.follows, paths)) else None
@@ -153,7 +153,7 @@ class InsertBlock(TabletopTask[ScaledConfig]):
     def lay_out(self, draw: Draw) -> TaskInstance:
         """A square ring and three pillars."""
         k = self.scale
-        root, start = draw.until(lambda: self._poses(draw), "a ring and three pillars")
+        root, start = sample_until(lambda: self._poses(draw), "a ring and three pillars")
         ring_colour, *colours = draw.colours(4)
         own = int(draw.rng.integers(3))
         target, aside = draw.named(colours, own)
@@ -191,9 +191,11 @@ class InsertBlock(TabletopTask[ScaledConfig]):
         x, y = np.asarray(SPAWN_AT) + draw.rng.uniform(-half, half)
         start = at(root, x, y, k * RING[2] / 2, draw.angle())
         ends = [at(root, k * place, 0.0)[:2, 3] for place in PILLARS_AT]
-        if not all(draw.inside(xy, k * PILLAR[0]) for xy in ends):
+        if not all(draw.site.inside(xy, k * PILLAR[0]) for xy in ends):
             return None
-        if not draw.inside(start[:2, 3], k * RING[0]) or not draw.in_reach(start[:2, 3], 0.011, 0.1):
+        if not draw.site.inside(start[:2, 3], k * RING[0]) or not draw.site.in_reach(
+            start[:2, 3], 0.011, 0.1
+        ):
             return None
         top = k * PILLAR[2]
-        return (root, start) if all(draw.in_reach(xy, top - 0.03, top + 0.06) for xy in ends) else None
+        return (root, start) if all(draw.site.in_reach(xy, top - 0.03, top + 0.06) for xy in ends) else None

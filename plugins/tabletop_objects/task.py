@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.perception.objects import opening_of
-from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
+from gvla2.robot.placing import clear, planar, sample_root, sample_until
 from gvla2.robot.scan import Scan, mesh_library, read_scan, scanned_body, spoken
 from gvla2.robot.solids import body_points, lowest
 from gvla2.robot.task import Body, Layout, Profile, TaskInstance, TaskSite, WorldState
@@ -235,9 +235,9 @@ class TabletopObjects:
         def fits(k: int, spot: FloatArray, before: dict[int, FloatArray]) -> bool:
             spots = np.stack([*(root[:2, 3] for root in before.values()), spot])
             return (
-                inside(site, spot, min(radii[k], 0.15))
+                site.inside(spot, min(radii[k], 0.15))
                 and clear(spots, [*(radii[j] for j in before), radii[k]], GAP)
-                and (objects[k].name not in handled or in_reach(site, spot, (0.02, LIFT)))
+                and (objects[k].name not in handled or site.in_reach(spot, 0.02, LIFT))
             )
 
         def draw() -> list[FloatArray] | None:

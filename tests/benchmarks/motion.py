@@ -11,7 +11,7 @@ import numpy as np
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.motion import MotionPath, MotionPlanner
+from gvla2.robot.motion import MotionPath, plan_motion
 from gvla2.robot.timing import MotionLimits, time_path
 from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
@@ -80,7 +80,6 @@ def main() -> None:
     seconds, _ = measure(1000, lambda i: checker.clearance(near[i]))
     show("signed clearance, 6 objects", seconds, 1e-6, "µs")
 
-    planner = MotionPlanner(arm)
     queries = []
     while len(queries) < 40:
         scene = clutter(rng, arm)
@@ -92,7 +91,7 @@ def main() -> None:
         joints = arm.inverse(ends[0])
         if joints is not None and arm.clearance(joints.joints, 1.0, scene).distance > 0.01:
             queries.append((joints.joints, ends[1], scene))
-    seconds, found = measure(len(queries), lambda i: planner.plan(*queries[i], seed=i))
+    seconds, found = measure(len(queries), lambda i: plan_motion(arm, *queries[i], seed=i))
     paths = [f for f in found if isinstance(f, MotionPath)]
     searched = sum(f.status == "rrt_connect" for f in paths)
     show(
@@ -110,7 +109,8 @@ def main() -> None:
     lift = rigid(None, (0, 0, 0.15))
     empty = Scene((), 0.752, arm.workspace)
     seconds, found = measure(
-        len(starts), lambda i: planner.plan(starts[i], lift @ arm.forward(starts[i]), empty, motion="linear")
+        len(starts),
+        lambda i: plan_motion(arm, starts[i], lift @ arm.forward(starts[i]), empty, motion="linear"),
     )
     share = np.mean([isinstance(f, MotionPath) for f in found])
     show("straight lift of 15 cm", seconds, 1e-3, "ms", f"found {share:.0%}")

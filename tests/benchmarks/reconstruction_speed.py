@@ -20,13 +20,13 @@ import numpy as np
 import trimesh
 
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.compiled import cores
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.plugins.registry import load_plugins
 from gvla2.reconstruction.branch import BranchComponents, refine_geometry
-from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.support import mask_support, object_centre, soft_hull
 from gvla2.reconstruction.surfels import surfels

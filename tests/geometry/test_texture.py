@@ -70,5 +70,5 @@ def test_what_no_face_uses_takes_no_part_in_a_mean():
 
 def test_a_texture_of_other_faces_is_refused():
     textured = card(quarters(8))
-    with pytest.raises(GeometryError, match="1 faces but a texture of 2"):
+    with pytest.raises(GeometryError, match="textures have 1 faces"):
         Surface(textured.mesh.vertices, textured.mesh.faces[:1], np.ones(3), 0, Texture.of(textured))

@@ -11,7 +11,7 @@ from gvla2.memory.admission import effects_conflict
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Judgement, Lesson, LessonPair
 from gvla2.memory.records import Record
-from gvla2.memory.review import BATCH, Judged
+from gvla2.memory.review import PAIRS
 from gvla2.memory.review import judge as judge_lessons
 from tests.memory.looking import look
 
@@ -106,65 +106,53 @@ class Fixed:
         return [Judgement(self.contradicts, 0.9, "because", "fixed") for _ in pairs]
 
 
-def judged(path: Path, judge: Fixed, *records: Record, **more: Any) -> tuple[Judged, KnowledgeBank]:
+def judged(path: Path, judge: Fixed, *records: Record) -> KnowledgeBank:
     bank = KnowledgeBank(path / "m.db", bank="b", clock=lambda: 1.8e9)
     with bank.store.writing("b", actor="test", now=1.8e9) as t:
         for one in records:
-            if t.get(one.id) is None:
-                t.put(one, "ADD")
-    done = judge_lessons(bank, judge, **more)
+            t.put(one, "ADD")
+    judge_lessons(bank, judge, [one.id for one in records])
     assert bank.verify() == []
-    return done, bank
+    return bank
 
 
-def test_similar_texts_are_asked_about_in_batches_and_only_once(tmp_path: Path) -> None:
+def test_similar_texts_are_asked_about_and_only_once(tmp_path: Path) -> None:
     bound = '{"kind":"bound","parameter":"lift","op":">=","value":0.1}'
     records = [record(f"r{i:02}") for i in range(20)]
     records += [record("typed", effect=bound), record("far", content="Salt the soup.", query="cook")]
     asked = Fixed(False)
-    done, bank = judged(tmp_path, asked, *records)
-    assert len(asked.batches[0]) == BATCH
-    shown = {text for batch in asked.batches for pair in batch for text in (pair.first, pair.second)}
-    assert "Salt the soup." not in shown
-    assert "Lift the cup in the way of typed." not in shown
-    assert len(done.dismissed) == sum(map(len, asked.batches))
-    pairs = [frozenset(pair) for pair in done.dismissed]
-    assert len({*pairs}) == len(pairs)
-    bank.close()
-    done, bank = judged(tmp_path, asked)
-    assert not done.dismissed
-    bank.close()
+    with judged(tmp_path, asked, *records) as bank:
+        assert len(asked.batches[0]) == PAIRS
+        for _ in range(9):
+            judge_lessons(bank, asked, [one.id for one in records])
+        pairs = [frozenset((pair.first, pair.second)) for batch in asked.batches for pair in batch]
+        assert len({*pairs}) == len(pairs) > PAIRS
+        shown = {text for pair in pairs for text in pair}
+        assert not {"Salt the soup.", "Lift the cup in the way of typed."} & shown
+        assert len(look(bank.store, "b").links()) == len(pairs)
 
 
 @pytest.mark.parametrize("contradicts", [None, False, True])
 def test_what_an_answer_does(tmp_path: Path, contradicts: bool | None) -> None:
-    done, bank = judged(tmp_path, Fixed(contradicts), record("a"), record("b", count=9))
-    states = {one.id: one.state for one in bank.records()}
-    links = {link.kind for link in look(bank.store, "b").links()}
-    if contradicts is None:
-        assert (done.open, links) == (["because"], set())
-    else:
-        assert links == {"conflict" if contradicts else "dismissed"}
-        ((first, _),) = done.conflicts or done.dismissed
-        (event,) = [e for e in look(bank.store, "b").history(first) if e.action.startswith("link")]
-        assert event.why == "fixed: because (p = 0.90)"
-    assert states == {"a": "archive" if contradicts else "active", "b": "active"}
-    assert done.archived == (["a"] if contradicts else [])
-    bank.close()
+    with judged(tmp_path, Fixed(contradicts), record("a"), record("b", count=9)) as bank:
+        states = {one.id: one.state for one in bank.records()}
+        links = [link.kind for link in look(bank.store, "b").links()]
+        assert links == ([] if contradicts is None else ["conflict" if contradicts else "dismissed"])
+        events = [e for id in "ab" for e in look(bank.store, "b").history(id) if e.action.startswith("link")]
+        assert [e.why for e in events] == ["fixed: because (p = 0.90)"] * len(links)
+        assert states == {"a": "archive" if contradicts else "active", "b": "active"}
 
 
 @pytest.mark.parametrize("trusted", ["a", "b"])
 def test_the_less_trusted_one_loses(tmp_path: Path, trusted: str) -> None:
     made = [record(id, **({} if id == trusted else {"trust": "foreign", "count": 50})) for id in "ab"]
-    _, bank = judged(tmp_path, Fixed(True), *made)
-    assert [one.id for one in bank.records(["active"])] == [trusted]
-    bank.close()
+    with judged(tmp_path, Fixed(True), *made) as bank:
+        assert [one.id for one in bank.records(["active"])] == [trusted]
 
 
 def test_a_hint_and_a_constraint_both_stay(tmp_path: Path) -> None:
-    done, bank = judged(tmp_path, Fixed(True), record("a"), record("b", type="failure_avoidance"))
-    assert (done.archived, len(bank.records(["active"]))) == ([], 2)
-    bank.close()
+    with judged(tmp_path, Fixed(True), record("a"), record("b", type="failure_avoidance")) as bank:
+        assert len(bank.records(["active"])) == 2
 
 
 def test_a_bank_asks_its_judge_about_what_it_learns(tmp_path: Path, verdicts: Any) -> None:

@@ -11,6 +11,7 @@ from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.memory import embedding as module
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.index import STATES
 from gvla2.memory.store import Store
 from gvla2.testing import check_embedder
 from tests.memory.looking import look
@@ -88,7 +89,7 @@ def path(tmp_path: Path) -> Path:
 def models(path: Path) -> set[str]:
     with Store.open(path) as store, store.reading("default") as view:
         assert look(store, "default").verify() == []
-        return {change.model for change in view.changes()}
+        return {change.model for change in view.embedded(STATES)}
 
 
 def test_what_was_learned_is_not_embedded_again(path: Path) -> None:

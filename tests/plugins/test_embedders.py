@@ -50,7 +50,7 @@ def test_meaning_orders_texts(vectors: np.ndarray) -> None:
 
 @needs_model
 def test_sentence_transformers_says_the_same(vectors: np.ndarray) -> None:
-    """What ``SentenceTransformer(model_folder()).encode(TEXTS, normalize_embeddings=True)`` of 6.2.0 said, kept."""
+    """What ``SentenceTransformer(folder).encode(TEXTS, normalize_embeddings=True)`` of 6.2.0 said, kept."""
     theirs = np.load(Path(__file__).parents[1] / "data" / "minilm_texts.npy")
     np.testing.assert_allclose(vectors, theirs, atol=2e-6)
 

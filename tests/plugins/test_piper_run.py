@@ -57,7 +57,7 @@ def test_an_armed_episode_moves_the_arm(rig, parts):
     robot = rig(**SWIFT).robot
     request = EpisodeRequest(0, "push the green cube to the red cube")
     record = run_episode(replace(parts, robot=robot), request)
-    assert record.report.completed
+    assert record.report.completed, record.failure
     assert max(w.error for w in record.report.waypoints) < 2e-3
     assert record.after is not None
     # The made-up cube can't move: executed is not succeeded.

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from gvla2.errors import RobotError
+from gvla2.robot import executor
 from gvla2_plugins.piper import frames, session
 from gvla2_plugins.piper.arm import HOME, Bounds
 from gvla2_plugins.piper.link import PiperLink
@@ -73,14 +74,14 @@ def test_a_fault_at_a_random_instant_ends_in_a_hold(rig, fault):
 def test_a_planner_that_raises_leaves_the_arm_held(rig, monkeypatch):
     one = rig(**SWIFT)
     one.robot.reset(None, 0)
-    plan = one.robot.planner.plan
+    plan = executor.plan_motion
 
     def breaks(*args, seed=0, **kwargs):
         if seed:
             raise ZeroDivisionError
         return plan(*args, seed=seed, **kwargs)
 
-    monkeypatch.setattr(one.robot.planner, "plan", breaks)
+    monkeypatch.setattr(executor, "plan_motion", breaks)
     with pytest.raises(ZeroDivisionError):
         one.go(waypoint(0.12), waypoint(-0.12))
     assert one.at_rest()

@@ -1,4 +1,4 @@
-"""A Piper made of frames, for tests: it answers the SDK on any python-can bus, with first-order joints."""
+"""A Piper made of frames, for tests: it answers on any python-can bus, with first-order joints."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class VirtualArm:
 
     def hear(self, arbitration_id: int, data: bytes, now: float) -> None:
         """A frame off the bus."""
-        if arbitration_id in frames.COMMANDS or arbitration_id in (frames.LIMIT_QUERY, frames.FIRMWARE_QUERY):
+        if arbitration_id in frames.COMMANDS or arbitration_id == frames.LIMIT_QUERY:
             self.heard.append((now, arbitration_id, data))
             if self.faults.silent or self._random.random() < self.faults.loss:
                 return
@@ -170,8 +170,6 @@ class VirtualArm:
                 motor = data[0]
                 low, high = (round(np.degrees(v[motor - 1]) * 10) for v in (LOW, HIGH))
                 self._say(frames.LIMIT_ANSWER, struct.pack(">BhhHB", motor, high, low, 3000, 0), now)
-            case frames.FIRMWARE_QUERY:
-                self._say(frames.FIRMWARE_QUERY, b"S-V1.8-2", now)
 
     def _report(self) -> list[tuple[int, bytes]]:
         raw = [0 if self.faults.zeros else frames.millidegrees(float(v)) for v in self.joints]

@@ -52,7 +52,7 @@ def test_the_path_leads_from_the_hand_through_all_waypoints(episode: Episode) ->
     path, found = to_z_up(geometry(data)["path"].vertices), nodes(data)
     stops = [record.observation.world_from_tcp[:3, 3], *(np.array(w.xyz) for w in record.plan.trajectory)]
     for stop in stops:
-        assert np.linalg.norm(path - stop, axis=1).min() < 0.02  # a dash may end a little before
+        assert np.linalg.norm(path - stop, axis=1).min() < 0.02
     for k, waypoint in enumerate(record.plan.trajectory):
         extras = found[f"waypoint {k}"]
         np.testing.assert_allclose(to_z_up(extras["at"]), waypoint.xyz, atol=1e-4)

@@ -68,7 +68,7 @@ class ExactDriver:
     def state(self) -> DriverState:
         return DriverState(self.joints.copy(), self.width)
 
-    def follow(self, samples: np.ndarray, dt: float, gripper: float) -> MoveResult:
+    def follow(self, samples: np.ndarray, dt: float, gripper: float, stop: object = None) -> MoveResult:
         self.calls.append("follow")
         np.testing.assert_allclose(samples[0], np.clip(self.joints, samples[0], samples[0]), atol=0.05)
         self.samples.append(samples)

@@ -6,7 +6,6 @@ import pytest
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener
 from gvla2.robot.executor import ExecutorOptions, execute
-from gvla2.robot.motion import MotionPlanner
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 CUBE = frozenset({"block"})
@@ -26,8 +25,7 @@ PICK = Trajectory(
 def run(arm, scene_of, block, driver):
     def start(trajectory=PICK, *objects, listener=None, **options):
         scene = scene_of(*(objects or (block(),)))
-        planner = MotionPlanner(arm)
-        return execute(trajectory, scene, planner, driver, listener, ExecutorOptions(**options))
+        return execute(trajectory, scene, arm, driver, listener, ExecutorOptions(**options))
 
     return start
 

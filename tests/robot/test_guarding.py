@@ -8,7 +8,6 @@ import pytest
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
 from gvla2.robot.executor import execute
-from gvla2.robot.motion import MotionPlanner
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 
@@ -28,7 +27,9 @@ class FeelingDriver:
     def state(self):
         return DriverState(self.joints.copy(), 0.0)
 
-    def follow(self, samples, dt, gripper):
+    def follow(self, samples, dt, gripper, stop=None):
+        if stop is not None:
+            return self.guarded(samples, stop)
         self.calls.append("follow")
         self.samples.append(samples)
         self.joints = samples[-1].copy()
@@ -41,7 +42,7 @@ class FeelingDriver:
     def hold(self):
         self.calls.append("hold")
 
-    def follow_guarded(self, samples, dt, gripper, stop):
+    def guarded(self, samples, stop):
         self.calls.append("guarded")
         for sample in samples:
             depth = max(0.0, self.floor - self.arm.forward(sample)[2, 3])
@@ -65,7 +66,7 @@ def go(arm, scene_of):
                 Waypoint((0.3, 0.2, 0.95), 1.0, "retreat", motion="linear"),
             )
         )
-        return execute(press, scene_of(), MotionPlanner(arm), driver)
+        return execute(press, scene_of(), arm, driver)
 
     return start
 

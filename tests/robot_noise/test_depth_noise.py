@@ -40,7 +40,7 @@ def test_the_input_is_left_alone_and_the_same_seed_gives_the_same_noise():
     "bad", [{"sigma_m": -1.0}, {"sigma_rel": -0.1}, {"dropout": 1.5}, {"sigma_m": np.nan}]
 )
 def test_values_out_of_range_are_refused(bad):
-    with pytest.raises(ConfigurationError, match=rf"depth_noise\.{next(iter(bad))}="):
+    with pytest.raises(ConfigurationError, match=rf"depth_noise\.{next(iter(bad))} is "):
         DepthNoise(**bad)
 
 

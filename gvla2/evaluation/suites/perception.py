@@ -21,7 +21,7 @@ from gvla2.evaluation.components import code_of, given_label, named_tasks, noise
 from gvla2.evaluation.config import PerceptionBench
 from gvla2.evaluation.engine import Suite, Unit
 from gvla2.evaluation.perception_scoring import Segmented, score, true_objects
-from gvla2.evaluation.results import Cell, cell_key, grouped, latest, measured, versions
+from gvla2.evaluation.results import Cell, Run, cell_key, grouped, latest, measured, versions
 from gvla2.evaluation.tables import Sheet, SheetCell, SheetRow, runs_of, text_cell
 from gvla2.planning.asking import perceive
 from gvla2.planning.scene import Scene
@@ -98,7 +98,7 @@ class PerceptionSuite(Suite[PerceptionBench, LayoutUnit]):
         _release()
 
     @staticmethod
-    def sheets(cells: Sequence[Cell]) -> list[Sheet]:
+    def sheets(cells: Sequence[Cell], runs: Sequence[Run] = ()) -> list[Sheet]:
         """A table per group, by task; if equal cells were measured twice, the later counts."""
         known = [cell for cell in cells if "seen" in cell.notes]  # earlier versions had other rows
         once = latest(known, lambda cell: cell.texts(*GROUPS, "task", "seed", "episode"))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, RobotError, SimulationError
+from gvla2.errors import ConfigurationError, RobotError, SimulationError, did_you_mean
 from gvla2.geometry.views import Observation, Viewpoint, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
@@ -15,7 +15,6 @@ from gvla2.robot.arm_from_urdf import UrdfArm, arm_from_urdf
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.executor import ExecutorOptions, execute
-from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.mujoco.description import world_from_base, write_urdf
 from gvla2.robot.mujoco.eyes import ModelEyes
 from gvla2.robot.mujoco.options import MujocoConfig
@@ -79,7 +78,14 @@ class MujocoArm:
 
     def _load(self, task: str | None) -> None:
         self.close()
-        world = self._worlds.load(task)
+        there = self.tasks()
+        unknown = task not in there if there else task is not None
+        if unknown:
+            raise ConfigurationError(
+                f"robot={self._config.name} has no task '{task or 'none'}'.{did_you_mean(task or '', there)} "
+                f"`gvla2 tasks robot={self._config.name}` lists those that it has."
+            )
+        world = self._worlds.load(task or "")
         world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
         base = world_from_base(world.model, world.data, world.names)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]
@@ -129,7 +135,7 @@ class MujocoArm:
         driver.film = (lambda: None) if listener is _SILENT else film
         options = ExecutorOptions(velocity_scale=0.9, acceleration=config.acceleration)
         faster = Trajectory(tuple(replace(w, speed=config.pace * w.speed) for w in trajectory))
-        return execute(faster, scene, MotionPlanner(made.arm), driver, listener, options)
+        return execute(faster, scene, made.arm, driver, listener, options)
 
     def success_check(self) -> SuccessCheck | None:
         """Whether the world's own check was met at any step, within its steps; None without a check."""

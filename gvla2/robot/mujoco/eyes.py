@@ -11,16 +11,12 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import rigid
 from gvla2.geometry.views import View
-
-LARGEST = 640
-"""Least side of the framebuffer, pixels: pictures for people are as large."""
 
 FARTHEST = 5.0
 """Depth beyond this counts as not measured, metres, as with depth cameras."""
 
-MAX_GEOMS = 10_000
 _GL = "apt install libegl1 libgl1-mesa-dri (MUJOCO_GL=egl), or apt install libosmesa6 (MUJOCO_GL=osmesa)"
 
 
@@ -66,20 +62,10 @@ class ModelEyes:
                 f"robot.cameras={list(cameras)} must be one or more different names out of {', '.join(there)}."
             )
         self.model, self.data, self.cameras = model, data, tuple(cameras)
-        buffer = model.vis.global_
-        buffer.offwidth, buffer.offheight = max(buffer.offwidth, LARGEST), max(buffer.offheight, LARGEST)
-        try:
-            self._gl = mujoco.GLContext(buffer.offwidth, buffer.offheight)
-            self._gl.make_current()
-            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        except Exception as error:  # each of EGL, OSMesa and GLFW raises its own
-            raise MissingDependencyError(f"an offscreen OpenGL ({error})", "MuJoCo's cameras", _GL) from error
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
-        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR
-        self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = [group in groups for group in range(len(self._option.geomgroup))]
         self._option.sitegroup[:] = 0
+        self._renderers: dict[int, Any] = {}  # by the side of their pictures
 
     def camera(self, name: str, size: int) -> Camera:
         """The camera as it is now, with square images of ``size`` pixels."""
@@ -91,43 +77,34 @@ class ModelEyes:
 
     def view(self, name: str, size: int) -> View:
         """The picture with depth, metres, NaN beyond 5 m; the robot is not marked."""
-        image = self.picture(name, size)
-        flags = self._scene.flags
-        before = flags.copy()
-        # Without lights and smoothed edges a pixel's depth is that of one surface.
-        flags[self._mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[self._mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
-        raw = np.empty((size, size), dtype=np.float32)
-        self._draw(size, None, raw)
-        np.copyto(flags, before)
-        return View(self.camera(name, size), image, self._metres(raw))
+        image, renderer = self.picture(name, size), self._renderer(size)
+        renderer.enable_depth_rendering()
+        depth = renderer.render()
+        renderer.disable_depth_rendering()
+        measured = np.where(depth < FARTHEST, depth, np.float32(np.nan))
+        return View(self.camera(name, size), image, measured)
 
     def picture(self, name: str, size: int, shadows: bool = True) -> NDArray[np.uint8]:
         """(H, W, 3) what the camera sees; ``shadows`` cost most of the time."""
-        self._gl.make_current()
-        mujoco = self._mujoco
-        camera = mujoco.MjvCamera()
-        camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self.model.camera(name).id
-        everything = mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(self.model, self.data, self._option, None, camera, everything, self._scene)
-        image = np.empty((size, size, 3), dtype=np.uint8)
-        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            self._scene.flags[flag] = shadows
-        self._draw(size, image, None)
-        return np.flipud(image)
+        renderer, flags = self._renderer(size), self._mujoco.mjtRndFlag
+        renderer.update_scene(self.data, name, self._option)
+        for flag in (flags.mjRND_SHADOW, flags.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = shadows
+        return np.asarray(renderer.render())
 
-    def _draw(self, size: int, image: NDArray[np.uint8] | None, depth: NDArray[np.float32] | None) -> None:
-        window = self._mujoco.MjrRect(0, 0, size, size)
-        self._mujoco.mjr_render(window, self._scene, self._context)
-        self._mujoco.mjr_readPixels(image, depth, window, self._context)
-
-    def _metres(self, raw: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Depth (H, W) along the camera's z, metres, of a buffer (H, W) that is 1 near and 0 far, upside down."""
-        near, far = (self.model.stat.extent * getattr(self.model.vis.map, name) for name in ("znear", "zfar"))
-        buffer = np.flipud(raw).astype(np.float64)
-        depth: FloatArray = near * far / (near + buffer * (far - near))
-        return np.where(depth < FARTHEST, depth, np.nan).astype(np.float32)
+    def _renderer(self, size: int) -> Any:
+        if size not in self._renderers:
+            buffer = self.model.vis.global_
+            buffer.offwidth, buffer.offheight = max(buffer.offwidth, size), max(buffer.offheight, size)
+            try:
+                self._renderers[size] = self._mujoco.Renderer(self.model, size, size)
+            except Exception as error:  # each of EGL, OSMesa and GLFW raises its own
+                what = f"an offscreen OpenGL ({error})"
+                raise MissingDependencyError(what, "MuJoCo's cameras", _GL) from error
+        return self._renderers[size]
 
     def close(self) -> None:
-        """Release the framebuffer."""
-        self._context.free()
-        self._gl.free()
+        """Release the framebuffers."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers = {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gvla2.component import ComponentConfig
+from gvla2.component import ComponentConfig, check_ranges
 from gvla2.errors import ConfigurationError
 
 
@@ -30,14 +30,15 @@ class MujocoConfig(ComponentConfig):
     viewpoint: str = "robot"
 
     def __post_init__(self) -> None:
-        bad = [f"robot.{name}={getattr(self, name)}" for name in _POSITIVE if not getattr(self, name) > 0]
-        if bad:
-            raise ConfigurationError(f"Options must be above 0, unlike {', '.join(bad)}.")
+        positive = [
+            "image_size",
+            "video_size",
+            "video_fps",
+            "joint_speed",
+            "acceleration",
+            "pace",
+            "stiffness",
+        ]
+        check_ranges(self, "robot", dict.fromkeys(positive, (0.001, 1000000.0, "")))
         if self.viewpoint not in ("robot", "facing"):
             raise ConfigurationError(f"robot.viewpoint={self.viewpoint} must be robot or facing.")
-
-
-_POSITIVE = (
-    *("image_size", "video_size", "video_fps"),
-    *("joint_speed", "acceleration", "pace", "stiffness"),
-)

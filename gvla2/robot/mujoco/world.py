@@ -21,9 +21,9 @@ class World(Protocol):
     """A compiled model with its state, one task in it, and what judges it.
 
     ``steps`` counts those of the present episode, ``max_steps`` (0: none) ends it; ``rate`` is in steps a second.
-    ``groups`` are the groups of geoms that cameras see. ``scenery`` begins the names of the bodies that belong to the
-    room. ``workspace`` is where the tool may go, ``table_height`` that of the main support, metres. The arm follows its
-    targets ``lag`` seconds late, and the hand's target moves over its whole range in ``hand_steps``.
+    ``groups`` are the groups of geoms that cameras see. ``workspace`` is where the tool may go, ``table_height`` that
+    of the main support, metres. The arm follows its targets ``lag`` seconds late, and the hand's target moves over its
+    whole range in ``hand_steps``.
     """
 
     model: Any
@@ -35,7 +35,6 @@ class World(Protocol):
     steps: int
     max_steps: int
     groups: tuple[int, ...]
-    scenery: tuple[str, ...]
     workspace: Box
     table_height: float
     lag: float
@@ -61,8 +60,8 @@ class Worlds(Protocol):
         """Each task's sentence by its name ``suite/task``."""
         ...
 
-    def load(self, task: str | None) -> World:
-        """The world of a task; raises :class:`ConfigurationError` for a task that there is not."""
+    def load(self, task: str) -> World:
+        """The world of one of the tasks, "" where there are none."""
         ...
 
 
@@ -83,7 +82,7 @@ HOLD_STEPS = 3
 
 
 class WorldDriver:
-    """Implements :class:`gvla2.robot.driver.GuardedDriver` in steps of a world, calling ``film`` after each.
+    """Implements :class:`gvla2.robot.driver.Driver` in steps of a world, calling ``film`` after each.
 
     ``joints`` (dof,) radians and ``width`` metres are what the arm's own sensors measure. The hand opens ``max_width``
     and leaves ``gap`` metres between closed fingers. Targets run ahead of the samples by the controller's lag, so that
@@ -130,12 +129,13 @@ class WorldDriver:
         """The measured state, now."""
         return DriverState(self.joints, self.width, self.time)
 
-    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
-        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle."""
-        return self.follow_guarded(samples, dt, gripper, lambda commanded, measured, force: False)
+    def follow(
+        self, samples: FloatArray, dt: float, gripper: float, stop: StopRule | None = None
+    ) -> MoveResult:
+        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle.
 
-    def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
-        """As :meth:`follow`, until ``stop``, which is asked once a step and feels no force."""
+        ``stop`` is asked once a step and feels no force.
+        """
         samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
         if not np.isfinite(samples).all() or dt <= 0:
             raise RobotError(
@@ -158,7 +158,7 @@ class WorldDriver:
             if self._over() or (step > count and arrived):
                 break
             self._step(at(step / rate + self.world.lag))
-            if stop(at(step / rate), self.joints, None):
+            if stop is not None and stop(at(step / rate), self.joints, None):
                 return MoveResult(stopped=True)
         return MoveResult(diverged=not self.sane(), expired=self.expired())
 

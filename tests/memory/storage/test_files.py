@@ -147,7 +147,7 @@ def test_a_damaged_row_is_named_and_holds_up_nothing(
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
             other.execute(statement)
         assert [r.id for r in look(store, "b").records()] == ["0", "2"]
-        assert [c.record.id for c in look(store, "b").changes(0)] == ["0", "2"]
+        assert [c.record.id for c in look(store, "b").embedded(["active"])] == ["0", "2"]
         assert [str(p) for p in look(store, "b").verify() if str(p).startswith(found)]
         assert len(look(store, "b").verify()) == 1
         with store.writing("b", actor="a", now=NOW) as t:
@@ -167,7 +167,7 @@ def test_a_damaged_vector_is_left_out(
                 t.put(record(str(i)), "add", vector=vector, model="m")
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
             other.execute("UPDATE memory_vector SET vector = ? WHERE id = '1'", (stored,))
-        assert [c.vector is None for c in look(store, "b").changes(0)] == [False, True, False]
+        assert [c.vector is None for c in look(store, "b").embedded(["active"])] == [False, True, False]
 
 
 def test_threads_share_a_store(sqlite_url: str, record: Make) -> None:

@@ -25,9 +25,10 @@ def test_a_reader_that_has_seen_a_rev_has_seen_all_before_it(postgres_url: str, 
         def poll() -> None:
             since = 0
             while not done.is_set() or store.rev("b") > since:
-                for change in look(store, "b").changes(since):
-                    since = max(since, change.record.rev)
-                    seen[change.record.id] = change.record.rev
+                with store.reading("b") as view:
+                    records, since = view.records(), view.rev
+                assert sorted(one.rev for one in records) == list(range(1, since + 1))
+                seen.update({one.id: one.rev for one in records})
 
         def write(name: str) -> None:
             for i in range(40):
