@@ -167,13 +167,3 @@ def test_a_part_that_failed_ends_the_program_and_replan_begins_all_of_it_again(p
     assert len(record.whole) == 2
     assert record.verdict.outcome == "verified_success"
     assert len(parts.planner.requests) == 2
-
-
-def test_a_program_may_not_take_more_parts_than_allowed(programmed):
-    parts = programmed(push_then_pick, "memory=none")
-    record = run_episode(parts, EpisodeRequest(seed=3, max_parts=1))
-    assert (record.failure.stage, record.failure.kind) == ("plan", "too_many_parts")
-    assert "more than 1 parts" in record.failure.message
-    assert "max_parts=" in record.failure.message
-    assert len(record.whole) == 1
-    assert record.success_check is not None
