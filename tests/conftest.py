@@ -8,18 +8,16 @@ import shutil
 import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
-from omegaconf import OmegaConf
 
-from gvla2.commands.hydra_job import schemas
-from gvla2.commands.run import RunConfig
-from gvla2.plugins.hydra_config import register
+from gvla2.commands.run import RunConfig, build_components
 from gvla2.plugins.registry import Registry, load_plugins
-from tests.composing import composition
+from tests.composing import composed, offer
 
 HEAD = """
 from dataclasses import dataclass, field
@@ -113,16 +111,30 @@ def registry() -> Registry:
 @pytest.fixture
 def compose_run(registry: Registry, tmp_path: Path):
     """Compose ``gvla2 run``'s configuration with overrides; its memory lives in the test's own folder."""
-    register(registry, schemas())
+    offer(registry)
 
-    def composed(*overrides: str) -> RunConfig:
-        config = OmegaConf.to_object(composition("run", "quiet=true", *overrides))  # a new object each time
+    def compose(*overrides: str) -> RunConfig:
+        config = composed("run", "quiet=true", *overrides)
         assert isinstance(config, RunConfig)
         if not any(o.startswith(("memory=", "memory.url=")) for o in overrides):
             config.memory.url = f"sqlite:///{tmp_path / 'memory.db'}"
         return config
 
-    return composed
+    return compose
+
+
+@pytest.fixture
+def parts_of(registry: Registry, compose_run: Callable[..., RunConfig]):
+    """Build the components of a run for some overrides; its robot and its memory are closed after the test."""
+    with ExitStack() as opened:
+
+        def build(*overrides: str) -> Any:
+            made = build_components(compose_run(*overrides), registry)
+            opened.enter_context(closing(made.robot))
+            opened.enter_context(closing(made.memory))
+            return made
+
+        yield build
 
 
 @pytest.fixture(autouse=True)

@@ -11,60 +11,52 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2_plugins.skill.planner import SkillPlanner
 from tests.quick import QUICK
 
-SMALL = (*QUICK, "memory=none", "robot.video_fps=1", "seed=1")
+SMALL = (*QUICK, "memory=none", "seed=1")
 SOMEWHERE = Waypoint((0.3, 0.0, 0.9), 1.0, "approach")
 NOWHERE = replace(SOMEWHERE, xyz=(float("nan"), 0.0, 0.9))
 
 
 @pytest.fixture
-def run_of_two(registry, compose_run, tmp_path, monkeypatch):
-    """Two episodes, in the first of which the planner answers by ``wrong``: their rows, and what it was asked."""
+def run(registry, compose_run, tmp_path, monkeypatch):
+    """An episode for each of ``wrong``, by which the planner answers it, and one more: their rows and its requests."""
     real = SkillPlanner.plan
 
-    def start(wrong, *overrides):
-        requests = []
+    def start(*wrong, **options):
+        requests, left = [], iter(wrong)
 
         def plan(self, request):
             requests.append(request)
-            first = len({id(r.observation) for r in requests}) == 1
-            return wrong(self, request) if first else real(self, request)
+            return next(left, real)(self, request)
 
         monkeypatch.setattr(SkillPlanner, "plan", plan)
-        out = tmp_path / "out"
-        run_episodes(compose_run("episodes=2", *SMALL, *overrides), registry, out)
-        return json.loads((out / "result.json").read_text())["rows"], requests
+        out, given = tmp_path / "out", [f"{name}={value}" for name, value in options.items()]
+        run_episodes(compose_run(f"episodes={len(wrong) + 1}", *SMALL, *given), registry, out)
+        *failed, last = json.loads((out / "result.json").read_text())["rows"]
+        assert last["success"] is True
+        assert len(requests) == len(wrong) + 1, "a planner that returned no plan is not asked again"
+        return failed
 
     return start
 
 
-def test_a_planner_that_hangs_ends_its_episode_and_no_other(run_of_two):
+def test_a_planner_that_hangs_ends_its_episode_and_no_other(run):
     def hang(self, request):
         while True:
             pass
 
-    (first, second), requests = run_of_two(hang, "planner_timeout=5")
-    assert (first["failure"]["stage"], first["failure"]["kind"]) == ("plan", "timeout")
-    assert "'skill' gave no answer within 5 s" in first["failure"]["message"]
-    assert first["success"] is False
-    assert second["success"] is True
-    assert len(requests) == 2  # one that hangs is not asked twice
+    (row,) = run(hang, planner_timeout=3)
+    assert (row["failure"]["stage"], row["failure"]["kind"]) == ("plan", "timeout")
+    assert "'skill' gave no answer within 3 s" in row["failure"]["message"]
+    assert row["success"] is False
 
 
-@pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        (lambda self, r: {"waypoints": []}, "dict, not a Plan"),
-        (lambda self, r: Plan(Trajectory((NOWHERE, NOWHERE))), "a finite number"),
-        (
-            lambda self, r: Plan(Trajectory((replace(NOWHERE, xyz=(0.3, 0.0, 0.9)),) * 10_000)),
-            "10000 waypoints",
-        ),
-    ],
-    ids=["type", "nan", "many"],
-)
-def test_rubbish_is_the_failure_and_the_next_episode_goes_on(run_of_two, answer, words):
-    (first, second), requests = run_of_two(answer)
-    assert (first["failure"]["stage"], first["failure"]["kind"]) == ("plan", "invalid_plan")
-    assert words in first["failure"]["message"]
-    assert second["success"] is True
-    assert len(requests) == 2, "a planner that does not return plans is not asked again"
+def test_rubbish_is_the_failure_and_the_next_episode_goes_on(run):
+    rubbish = {
+        "dict, not a Plan": {"waypoints": []},
+        "a finite number": Plan(Trajectory((NOWHERE, NOWHERE))),
+        "10000 waypoints": Plan(Trajectory((SOMEWHERE,) * 10_000)),
+    }
+    rows = run(*(lambda self, request, answer=answer: answer for answer in rubbish.values()))
+    for row, words in zip(rows, rubbish, strict=True):
+        assert (row["failure"]["stage"], row["failure"]["kind"]) == ("plan", "invalid_plan")
+        assert words in row["failure"]["message"]

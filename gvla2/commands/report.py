@@ -101,7 +101,7 @@ def publish(
     from gvla2.evaluation.tables import render_report, to_csv, to_latex, to_markdown
     from gvla2.io.files import write_text
 
-    title, sheets = report(suite, cells)
+    title, sheets = report(suite, cells, runs)
     if "terminal" in formats:
         show(sheets, out or console())
     written = []

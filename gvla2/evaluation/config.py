@@ -158,10 +158,14 @@ class RobotBench(MemoryArms, BranchBench):
 
     Experience comes from ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
     spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
-    an episode. ``replan`` further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where
+    an episode. ``replan`` further attempts are allowed in an episode of the test; where
     the planner fails, ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose
     planner takes longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the
     next bench measures it again. The reconstruction branch runs where a ``reconstructor`` is chosen.
+
+    ``films`` are kept of "none" of the test's episodes, of "failures", or of "all": each is the folder of a run. Tasks
+    named SUITE/NUMBER are also counted by suite and by ``groups`` of suites, beside ``published`` results: by system,
+    what it was ``given`` and its ``success`` in per cent by suite or group.
     """
 
     suite: str = "robot"
@@ -180,8 +184,10 @@ class RobotBench(MemoryArms, BranchBench):
     exploration: float = 0.25
     exploration_replan: int = 0
     replan: int = 0
-    max_parts: int = 6
     planner_timeout: float = 0.0
+    films: str = "none"
+    groups: dict[str, list[str]] = field(default_factory=dict)
+    published: dict[str, Any] = field(default_factory=dict)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     fallback: ComponentConfig = field(default_factory=ComponentConfig)
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
@@ -191,9 +197,10 @@ class RobotBench(MemoryArms, BranchBench):
         below = [name for name in ("replan", "exploration_replan") if getattr(self, name) < 0]
         _require(
             (self.world in ("plain", LEARNABLE), f"world is '{self.world}'; it is plain or {LEARNABLE}."),
+            (self.films in ("none", "failures", "all"), f"films is '{self.films}'; it is none, failures or all."),
             (not below, f"{', '.join(below)} must not be negative."),
             (min(self.layouts, default=0) >= 0, "layouts must not be negative."),
-            (min(self.episodes, self.families, self.max_parts) >= 1, "episodes, families and max_parts are 1 or more."),
+            (min(self.episodes, self.families) >= 1, "episodes and families are 1 or more."),
             (0.25 <= self.scale <= 4, "scale lies in [0.25, 4]."),
             (0 <= self.planner_timeout < math.inf, "planner_timeout is in seconds, finite, not negative (0: off)."),
             (0 <= self.exploration <= 1, "exploration lies in [0, 1]."),

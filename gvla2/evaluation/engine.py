@@ -27,7 +27,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.config import BenchConfig
-from gvla2.evaluation.results import Cell, Results
+from gvla2.evaluation.results import Cell, Results, Run
 from gvla2.evaluation.tables import Sheet
 from gvla2.plugins.registry import Registry, load_plugins
 
@@ -88,8 +88,8 @@ class Suite(ABC, Generic[ConfigT, UnitT]):
 
     @staticmethod
     @abstractmethod
-    def sheets(cells: Sequence[Cell]) -> list[Sheet]:
-        """The tables of these rows."""
+    def sheets(cells: Sequence[Cell], runs: Sequence[Run] = ()) -> list[Sheet]:
+        """The tables of these rows, which ``runs`` measured."""
 
     def known(self, keys: Sequence[str]) -> Rows:
         """The database's rows with these keys that need not be measured again."""

@@ -7,12 +7,14 @@ all cameras judge the result.
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import Observation
 from gvla2.perception.articulated import with_parts
@@ -34,7 +36,7 @@ from gvla2.perception.fitting import (
 from gvla2.perception.fixtures import find_large, moving_parts, seen_grid
 from gvla2.perception.labels import SURE_ENOUGH, Naming
 from gvla2.perception.objects import object_of, opening_of
-from gvla2.perception.scans import KnownScan, check_names, corners_of, diameter, read_scans
+from gvla2.perception.scans import KnownScan, corners_of, diameter, read_scans
 from gvla2.planning.colours import appearance
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
@@ -88,7 +90,9 @@ class Gallery:
     source = "gallery"
 
     def __init__(self, scans: Sequence[KnownScan]) -> None:
-        check_names(scans)
+        names = Counter(scan.name for scan in scans)
+        if twice := [name for name, count in names.items() if count > 1]:
+            raise ConfigurationError(f"Two scans of the gallery are called '{twice[0]}'. Rename one.")
         self._scans = tuple(scans)
         self._histograms = [histogram(scan.looks) for scan in scans]
 

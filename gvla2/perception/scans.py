@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -269,10 +268,3 @@ def _content(path: Path) -> str:
         except OSError as error:
             raise GeometryError(f"Cannot read {file}: {error}") from error
     return digest.hexdigest()
-
-
-def check_names(scans: Sequence[KnownScan]) -> None:
-    """Raise :class:`ConfigurationError` for two scans of one name."""
-    names = [scan.name for scan in scans]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise ConfigurationError(f"Two scans of the gallery are called '{twice[0]}'. Rename one.")

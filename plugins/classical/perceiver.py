@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +16,15 @@ from gvla2.perception.frames import check_workspace
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import MOST_POINTS, colour_word, new_ids, numbered, over_workspace, true_colour
 from gvla2.perception.options import labellers
-from gvla2.perception.registration import agreed, find_table
+from gvla2.perception.registration import agreed
 from gvla2.planning.scene import Box, Scene, SceneObject, Shape
 from gvla2_plugins.classical import ClassicalConfig
-from gvla2_plugins.classical.assembly import assemble, join_overlapping
-from gvla2_plugins.classical.composites import (
-    join_bottles,
-    join_fronts,
-    join_lids,
-    join_stems,
-    name_knives,
-    put_together,
-)
+from gvla2_plugins.classical.assembly import assemble
+from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.footprints import find_patches, unlike_table
 from gvla2_plugins.classical.known import known_objects
 from gvla2_plugins.classical.pixels import (
+    Masks,
     Pixels,
     TableFrame,
     bodies_of,
@@ -47,8 +40,6 @@ from gvla2_plugins.classical.pixels import (
 from gvla2_plugins.classical.solids import SeenObject, evenly
 
 BORDER = 0.06  # metres around the workspace that are looked at too: what stands on its edge is seen whole
-WHOLES = (join_lids, join_fronts, join_stems, name_knives, join_bottles)
-"""What is looked for, in this order: a side of a case is not to be taken for a bottle."""
 
 
 class ClassicalPerceiver:
@@ -78,19 +69,17 @@ class ClassicalPerceiver:
         check_workspace(workspace)
         views = agreed(observation.views, workspace)
         err = views is not observation.views
-        frames, notes = usable_frames(views, least=3 if err else 2)
+        frames, table, notes = usable_frames(views, workspace, least=3 if err else 2)
         if err:
             notes.append("The cameras' poses disagreed and were corrected.")
-        table = find_table([frame.points[np.isfinite(frame.depth)] for frame in frames], workspace)
         table_from_world = table.frame(workspace)
-        frames = [frame.moved(table_from_world) for frame in frames]
+        back = invert_rigid(table_from_world)
         hand = transform_points(table_from_world, observation.world_from_tcp[:3, 3])
         height = table.height_over(workspace)
         # The table's frame has its origin under the middle of the workspace.
         half = 0.5 * (workspace.high - workspace.low)[:2]
         room = np.array([*half + BORDER, workspace.high[2] - height])
-        known, objects, named = self._find(frames, views, height, table.noise, room, hand)
-        back = invert_rigid(table_from_world)
+        known, objects, named = self._find(frames, back, views, height, table.noise, room, hand)
         world = [
             replace(o, world_from_object=back @ o.world_from_object, points=transform_points(back, o.points))
             for o in named
@@ -106,6 +95,7 @@ class ClassicalPerceiver:
     def _find(
         self,
         frames: Sequence[TableFrame],
+        world_from_table: FloatArray,
         views: Views,
         height: float,
         noise: float,
@@ -115,7 +105,7 @@ class ClassicalPerceiver:
         """Known objects in the world; the others as solids, and with patches as objects in the table's frame."""
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
-        raised, flat, different = [], [], []
+        raised, flat, different = Masks(), Masks(), Masks()
         for frame in frames:
             with np.errstate(invalid="ignore"):
                 near, high = (np.abs(frame.points) < room).all(axis=-1), frame.points[..., 2] > rise
@@ -127,7 +117,9 @@ class ClassicalPerceiver:
         flat = [mask | other for mask, other in zip(flat, different, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         connected = config.jump, reach, config.min_points
-        known, left = known_objects(self._labellers, frames, raised, views, height, *connected)
+        known, left = known_objects(
+            self._labellers, frames, world_from_table, raised, views, height, *connected
+        )
         pixels = choose(frames, left)
         objects: list[SeenObject] = []
         if len(pixels):
@@ -140,8 +132,7 @@ class ClassicalPerceiver:
             labels[rough] = -1
             fine = np.where(rough, bodies, -1)
             objects = assemble(frames, pixels, labels, fine, config, hand)
-            overlap = partial(join_overlapping, frames=frames, pixels=pixels, bodies=bodies, gap=config.gap)
-            objects = put_together(pixels, objects, (*WHOLES, overlap))
+            objects = put_together(pixels, objects)
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         painted, patches = find_patches(frames, paint, bare, config)
@@ -171,8 +162,6 @@ def _carried_notes(objects: Sequence[SeenObject], ids: dict[str, str]) -> list[s
             notes.append(f"{own} stands on {carrier}.")
         elif own and obj.floating:
             notes.append(f"{own} does not stand on anything that is seen.")
-        if own and obj.guessed:
-            notes.append(f"How deep {own} is was not seen; it is taken to be as deep as wide.")
     return sorted(notes)
 
 
@@ -183,7 +172,6 @@ def described(pixels: Pixels, objects: Sequence[SeenObject], prefix: str) -> lis
     for k, obj in enumerate(objects):
         rgb = true_colour(pixels.rgb[obj.members])
         colour, sure = colour_word(rgb)
-        seen = 0.8 * obj.agreement if obj.guessed else obj.agreement
         named.append(
             SceneObject(
                 f"{prefix}{k}",
@@ -195,7 +183,7 @@ def described(pixels: Pixels, objects: Sequence[SeenObject], prefix: str) -> lis
                 evenly(obj.points, MOST_POINTS),
                 rgb,
                 parent=f"{prefix}{belongs[k]}" if belongs[k] >= 0 else "",
-                confidence=round(float(np.clip(seen, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3),
+                confidence=round(float(np.clip(obj.agreement, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3),
                 opening=obj.opening,
             )
         )

@@ -30,7 +30,7 @@ class SeenObject:
 
     ``members`` (N,) its pixels in the list; ``points`` (N, 3); ``centre``, ``yaw``, ``extents`` its upright box;
     ``agreement`` in [0, 1] how well the solid explains the points; ``hollow``: one sees into it; ``floating``: free
-    space was seen under it; ``guessed``: how deep it is was not seen; ``lowest`` height of its seen points;
+    space was seen under it; ``lowest`` height of its seen points;
     objects of one ``group`` were one before a split by height; ``on`` is the index of the object that carries
     it, -1 for the table; ``part_of`` that of the object that it is known to be a part of, and ``noun`` what it is known
     to be, "" if it is named by its shape; ``textured``: its paint separates no parts; ``opening`` its inner width,
@@ -46,7 +46,6 @@ class SeenObject:
     agreement: float
     hollow: bool = False
     floating: bool = False
-    guessed: bool = False
     lowest: float = 0.0
     group: int = -1
     on: int = -1
@@ -145,27 +144,22 @@ def upright_rectangle(yaw: float, width: float, depth: float) -> tuple[float, fl
 
 
 Distance = Callable[[FloatArray, FloatArray], FloatArray]
-"""Signed distances (B, N), metres, negative inside, of points (N, 3) to solids with parameters (B, P)."""
+"""Signed distances (N,), metres, negative inside, of points (N, 3) to a solid with parameters (P,)."""
 
 SCALE = 0.003  # metres: a point further off belongs ever more to something else
 STEPS = 16  # of a fit
-STEP = 1e-5  # of parameters, for derivatives
 STAY = 0.003  # metres of error per metre that a parameter leaves its start: it decides only where nothing else does
 
 
 def _join(*planes: FloatArray) -> FloatArray:
-    """Distance to the intersection of slabs, given the signed distances (B, N) to each."""
+    """Distance to the intersection of slabs, given the signed distances (N,) to each."""
     stack = np.stack(planes)
     return np.asarray(np.sqrt((np.maximum(stack, 0.0) ** 2).sum(axis=0)) + np.minimum(stack.max(axis=0), 0.0))
 
 
-def _columns(parameters: FloatArray) -> list[FloatArray]:
-    return [column[:, None] for column in parameters.T]
-
-
 def box_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
     """Upright box: centre x, y, yaw, width (its x), depth (its y), top, bottom."""
-    cx, cy, yaw, width, depth, top, bottom = _columns(parameters)
+    cx, cy, yaw, width, depth, top, bottom = parameters
     x, y, z = points.T
     dx, dy, c, s = x - cx, y - cy, np.cos(yaw), np.sin(yaw)
     side = np.abs(c * dx + s * dy) - 0.5 * width
@@ -175,7 +169,7 @@ def box_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
 
 def cylinder_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
     """Upright cylinder: centre x, y, diameter, top, bottom."""
-    cx, cy, diameter, top, bottom = _columns(parameters)
+    cx, cy, diameter, top, bottom = parameters
     x, y, z = points.T
     radial = np.hypot(x - cx, y - cy) - 0.5 * diameter
     return _join(radial, np.abs(z - 0.5 * (top + bottom)) - 0.5 * (top - bottom))
@@ -183,7 +177,7 @@ def cylinder_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
 
 def sphere_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
     """Sphere: centre x, y, z, diameter."""
-    cx, cy, cz, diameter = _columns(parameters)
+    cx, cy, cz, diameter = parameters
     x, y, z = points.T
     return np.asarray(np.sqrt((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2) - 0.5 * diameter)
 
@@ -207,8 +201,8 @@ def fit_solid(
     free: FloatArray,
     rays: FloatArray | None = None,
     *,
-    hold: Sequence[int] = (),
-    limits: tuple[Sequence[float], Sequence[float]] | None = None,
+    hold: Sequence[int],
+    limits: tuple[Sequence[float] | FloatArray, Sequence[float] | FloatArray],
     filled: bool = False,
     slack: float = 0.0,
     tolerance: float = 0.005,
@@ -223,6 +217,7 @@ def fit_solid(
     """
     parameters = np.asarray(start, dtype=np.float64).copy()
     moving = np.delete(np.arange(len(parameters)), list(hold))
+    begin = parameters[moving]
     rays = np.zeros((0, 1, 3)) if rays is None else rays
     counts = (len(surface), len(free), len(rays))
     share = np.repeat([*(1.0 / max(1, count) for count in counts), 1.0], [*counts, len(moving)])
@@ -230,42 +225,31 @@ def fit_solid(
     first_free, first_ray = counts[0], counts[0] + counts[1]
 
     def errors(values: FloatArray) -> FloatArray:
-        """(B, N + M + R + P') errors of candidates with the moving parameters (B, P')."""
-        candidates = np.tile(parameters, (len(values), 1))
-        candidates[:, moving] = values
-        value = distance(candidates, points)
-        seen, outside = value[:, :first_free], value[:, first_free:first_ray]
-        reached = value[:, first_ray:].reshape(len(candidates), -1, rays.shape[1]).min(axis=2)
+        """(N + M + R + P',) errors with the moving parameters (P',)."""
+        parameters[moving] = values
+        value = distance(parameters, points)
+        seen, outside = value[:first_free], value[first_free:first_ray]
+        reached = value[first_ray:].reshape(-1, rays.shape[1]).min(axis=1)
         seen = np.maximum(seen - slack, 0.0) if filled else seen
-        left = STAY * (values - parameters[moving])
-        return np.asarray(
-            np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0), left], axis=1)
-        )
-
-    def jacobian(at: FloatArray) -> FloatArray:
-        steps_aside = np.vstack([at, at + STEP * np.eye(len(at))])
-        here, *beside = errors(steps_aside)
-        return np.asarray((np.stack(beside, axis=1) - here[:, None]) / STEP)
+        left = STAY * (values - begin)
+        return np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0), left])
 
     def loss(squares: FloatArray) -> FloatArray:
         """Cauchy's, of each kind of evidence as much; the third row 0 keeps to reweighted least squares."""
         derived = np.log1p(squares), 1.0 / (1.0 + squares), np.zeros_like(squares)
         return np.asarray(share * np.stack(derived))
 
-    low, high = limits or (np.full(len(parameters), -np.inf), np.full(len(parameters), np.inf))
-    bounds = np.asarray(low)[moving], np.asarray(high)[moving]
+    low, high = (np.asarray(limit)[moving] for limit in limits)
     found = least_squares(
-        lambda at: errors(at[None])[0],  # type: ignore[misc]
-        np.clip(parameters[moving], *bounds),
-        jacobian,
-        bounds,
+        errors,
+        np.clip(begin, low, high),
+        bounds=(low, high),
         loss=loss,  # type: ignore[arg-type]
         f_scale=SCALE,
         ftol=1e-3,
         max_nfev=STEPS,
     )
-    error = errors(found.x[None])[0]
-    parameters[moving] = found.x
+    error = errors(found.x)
     on = np.abs(error[:first_free]) < tolerance
     inside = error[first_free:first_ray] < -tolerance
     intrusion = float(inside.mean()) if len(free) else 0.0

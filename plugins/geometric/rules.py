@@ -6,7 +6,7 @@ Each rule gives a score in [0, 1] and a sentence; it raises :class:`Inconclusive
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -18,7 +18,7 @@ from gvla2.planning.scene import PartJoint, Scene, SceneObject
 from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle, shines
 from gvla2_plugins.geometric.case import Case, InconclusiveError, Score, level_gap, outside_footprint
 
-DONE, LIKELY, DOUBTFUL, MISSED = 1.0, 0.85, 0.4, 0.1
+DONE, LIKELY, DOUBTFUL, MISSED = 1.0, 0.85, 0.4, 0.0
 """Scores: seen to be done; inferred, since something was not seen again; undecided; seen to be missed."""
 
 IN_IT = 0.012  # metres that a holder reaches above an object's foot: perceived heights err by less
@@ -273,41 +273,46 @@ def _hinged(case: Case, *, closing: bool) -> Score:
     return Score(DONE, f"{lid.label} lies flat on {under.label}.")
 
 
-def _travelled(obj: SceneObject, along: float, planned: float, need: float) -> Score:
-    """The score of an object that went ``along`` metres of the ``planned`` ones, and should have gone ``need``."""
-    return _short(along, need, f"{obj.label} went {100 * along:.1f} of {100 * planned:.1f} cm.")
+def _moved(
+    case: Case, objects: Sequence[SceneObject], way: FloatArray, share: float, need: float = 0.0
+) -> Score:
+    """How far one of some objects went along the hand's planned ``way`` (3,): by ``need`` metres, or a share of it."""
+    length, label = float(np.linalg.norm(way)), objects[0].label
+    if length < case.config.same_place:
+        raise InconclusiveError("The plan does not say how far it is to move.")
+    shifts = [later.centre - obj.centre for obj in objects if (later := case.later(obj)) is not None]
+    along = [shift @ way / length for shift in shifts]
+    off = [np.linalg.norm(shift - far * way / length) for shift, far in zip(shifts, along, strict=True)]
+    straight = [float(far) for far, aside in zip(along, off, strict=True) if aside < ASTRAY]
+    if not straight:
+        raise InconclusiveError(f"{label} was not seen again.")
+    reason = f"{label} went {100 * max(straight):.1f} of {100 * length:.1f} cm."
+    if max(straight) > 1.5 * length:
+        return Score(DOUBTFUL, reason)
+    return _short(max(straight), need or share * length, reason)
 
 
-def _slid(case: Case, wanted: float | None = None) -> Score:
-    """The handle, or its front, moved along the hand's way by ``wanted`` metres, or by a share of that way."""
+def _slid(case: Case, need: float = 0.0) -> Score:
+    """The handle, or its front, moved along the hand's way by ``need`` metres, or by a share of that way."""
     theme = case.handled()
     carried = [w.carries for w in case.planned if w.carries]
-    way = case.carried(carried[0]) if carried else case.pushed()
-    length = float(np.linalg.norm(way))
-    if length < case.config.same_place:
-        raise InconclusiveError("The plan does not say how far to slide.")
     # The theme, the held object, and their whole, except a common container.
     held = [obj for obj in map(case.seen, carried) if obj is not None]
     objects = [theme, *case.before.parts_of(theme.id), *held]
     fronts = [p for o in objects if o.parent and (p := case.seen(o.parent)) is not None and p.parent]
-    moved = []
-    for obj in (*objects, *fronts):
-        if (later := case.later(obj)) is not None:
-            shift = later.centre - obj.centre
-            along = float(shift @ way) / length
-            if float(np.linalg.norm(shift - along * way / length)) < ASTRAY:
-                moved.append(along)
-    if not moved:
-        raise InconclusiveError(f"{theme.label} was not seen again.")
-    return _travelled(theme, max(moved), length, SHARE_SHUT * length if wanted is None else wanted)
+    way = case.carried(carried[0]) if carried else case.pushed()
+    return _moved(case, [*objects, *fronts], way, SHARE_SHUT, need)
 
 
 def _pushed(case: Case) -> Score:
-    """The theme's centre ended inside the goal's footprint; with a solid goal, it touches the goal."""
+    """The theme's centre ended inside the goal's footprint, or touches a solid goal; without one it moved as pushed."""
     theme, goal = case.handled(), case.role("goal")
-    later = case.again(theme)
     if goal is None:
-        return _shifted(case, theme, later)
+        way = case.pushed(theme.id)
+        standoff = case.evidence.plan.parameters.get("standoff", 0.0)
+        way = way * max(0.0, 1.0 - standoff / max(float(np.linalg.norm(way)), 1e-6))
+        return _moved(case, [theme], way, SHARE_PUSHED)
+    later = case.again(theme)
     if goal.shape == "region":
         return _inside(case, later, goal)
     reach = float(later.extents[:2].max())
@@ -315,17 +320,6 @@ def _pushed(case: Case) -> Score:
     if gap <= 0.015:
         return Score(DONE, f"{theme.label} lies against {goal.label}.")
     return _beside(gap, reach, f"{theme.label} stopped {100 * gap:.1f} cm from {goal.label}.")
-
-
-def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Score:
-    """A push without a goal: the theme moved along with the hand's strokes, at least half of their length."""
-    stroke = case.pushed(theme.id)
-    length = float(np.linalg.norm(stroke))
-    planned = length - case.evidence.plan.parameters.get("standoff", 0.0)
-    if length < 1e-6 or planned <= case.config.same_place:
-        raise InconclusiveError("The plan does not say how far to push.")
-    along = float((later.centre - theme.centre) @ stroke) / length
-    return _travelled(theme, along, planned, SHARE_PUSHED * planned)
 
 
 def _turned(case: Case, knob: SceneObject, joint: PartJoint) -> Score:
@@ -385,14 +379,9 @@ def _drawn(case: Case) -> Score:
     theme, goal = case.handled(), case.role("goal")
     if goal is not None or any(w.stage == "release" for w in case.planned):
         return _placed(case, theme, goal)
-    way, later = case.carried(theme.id), case.later(theme)
-    length = float(np.linalg.norm(way))
-    if later is None and case.holding and not case.still_there(theme):
+    if case.later(theme) is None and case.holding and not case.still_there(theme):
         return Score(LIKELY, f"{theme.label} is gone from its place and the hand holds something.")
-    if later is None or length < case.config.same_place:
-        raise InconclusiveError(f"{theme.label} was not seen again.")
-    along = float((later.centre - theme.centre) @ way) / length
-    return _travelled(theme, along, length, SHARE_DRAWN * length)
+    return _moved(case, [theme], case.carried(theme.id), SHARE_DRAWN)
 
 
 RULES: dict[str, Callable[[Case], Score]] = {
@@ -402,7 +391,7 @@ RULES: dict[str, Callable[[Case], Score]] = {
     "press": _press,
     "open": partial(_hinged, closing=False),
     "close": partial(_hinged, closing=True),
-    "pull": partial(_slid, wanted=DRAWN),
+    "pull": partial(_slid, need=DRAWN),
     "shut": _slid,
     "twist": _twisted,
     "insert": _inserted,

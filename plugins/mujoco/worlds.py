@@ -40,7 +40,6 @@ class MjcfWorld:
     """Implements :class:`gvla2.robot.mujoco.world.World`."""
 
     instruction, goal, max_steps, hand_steps = "", "", 0, 1
-    scenery: tuple[str, ...] = ("floor", "table", "wall", "ground")
 
     def __init__(self, config: MjcfConfig) -> None:
         self._mujoco = mujoco = import_mujoco()

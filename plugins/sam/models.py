@@ -48,7 +48,7 @@ class Sam2Onnx:
     def _segment(
         self, features: dict[str, NDArray[np.float32]], size: tuple[int, int], prompts: list[Prompt]
     ) -> Segments:
-        masks, scores = [], []
+        masks, scores = list[NDArray[np.bool_]](), list[NDArray[np.float64]]()
         for start in range(0, len(prompts), BATCH):
             coordinates, labels = _encoded(prompts[start : start + BATCH], size)
             logits, found = self._decoder.run(

@@ -26,11 +26,8 @@ def import_sapien() -> Any:
             import sapien
             import sapien.physx
     except ImportError as error:
-        missing = (
-            "the package 'sapien'" if error.name == "sapien" else f"a system library of SAPIEN ({error})"
-        )
         raise MissingDependencyError(
-            missing,
+            f"SAPIEN or a system library of it ({error})",
             "A simulated arm (robot=sapien_panda and the like)",
             'pip install "gvla2[sim]" (on Linux; Debian and Ubuntu also need apt-get install libx11-6 libgl1)',
         ) from error

@@ -17,11 +17,11 @@ from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_whole
 from gvla2.robot.scan import Scan
 
-VERSION = 2
+VERSION = 3
 """Version of the decomposition: changes whenever its pieces would."""
 
 THRESHOLD, MOST_PIECES, MOST_CORNERS = 0.05, 24, 48
-"""CoACD's concavity, in sizes of the object; the pieces' number; corners per piece (PhysX takes 255)."""
+"""CoACD's concavity, in sizes of the object; the pieces' number; corners per piece (PhysX thins out beyond 255)."""
 
 FACES = 20_000
 """Meshes are simplified to this many faces first: finer ones change no piece and cost minutes."""
@@ -60,7 +60,7 @@ def decompose(mesh: TriangleMesh) -> list[FloatArray]:
     """Corners (N, 3) of convex pieces that together represent the mesh; just its hull if it is convex enough."""
     hull = _hull_of(mesh.vertices)
     if _is_convex(mesh, hull):
-        return [_thin_hull(hull)]
+        return [hull]
     log.info("Decomposing a mesh of %d faces into convex pieces; this is done once.", len(mesh.faces))
     coarse = mesh
     cell = float(np.ptp(mesh.vertices, axis=0).max()) / 400
@@ -83,7 +83,7 @@ def decompose(mesh: TriangleMesh) -> list[FloatArray]:
         seed=0,
     )
     solid = [_hull_of(np.asarray(corners, dtype=np.float64)) for corners, _ in found]
-    return solid or [_thin_hull(hull)]
+    return solid or [hull]
 
 
 def _is_convex(mesh: TriangleMesh, hull: FloatArray) -> bool:
@@ -110,14 +110,3 @@ def _hull_of(points: FloatArray) -> FloatArray:
         return np.asarray(sides[ConvexHull(sides).vertices])
     except QhullError as error:
         raise SimulationError("A mesh without any extent cannot lie on a table.") from error
-
-
-def _thin_hull(corners: FloatArray) -> FloatArray:
-    """As few corners as PhysX takes, chosen far from one another."""
-    gap = np.linalg.norm(corners - corners.mean(axis=0), axis=1)
-    chosen: list[int] = []
-    while len(chosen) < min(4 * MOST_CORNERS, len(corners)):
-        chosen.append(int(np.argmax(gap)))
-        away = np.linalg.norm(corners - corners[chosen[-1]], axis=1)
-        gap = away if len(chosen) == 1 else np.minimum(gap, away)
-    return corners[chosen]

@@ -39,17 +39,6 @@ class ScaledConfig(TaskConfig):
 
 
 @dataclass
-class PickAndLiftConfig(ScaledConfig):
-    """Options of ``pick_and_lift``; metres and kilograms."""
-
-    cubes: int = 3
-    size: float = 0.05
-    mass: float = 0.125
-    area: tuple[float, float] = (0.43, 0.565)
-    gap: float = 0.10
-
-
-@dataclass
 class OpenJarConfig(ScaledConfig):
     """Options of ``open_jar``. ``turn`` (degrees, counter-clockwise) is where the lid comes loose.
 
@@ -79,7 +68,7 @@ _TASKS: tuple[tuple[str, type[ScaledConfig], str], ...] = (
     ("open_wine", ScaledConfig, "Turn the cap of a wine bottle until it comes off."),
     ("lamp_on", ScaledConfig, "Press the sprung button of a lamp."),
     ("put_knife", ScaledConfig, "Draw a knife from its block and lay it on the board."),
-    ("pick_and_lift", PickAndLiftConfig, "Lift the cube of the named colour, beside others."),
+    ("pick_and_lift", ScaledConfig, "Lift the cube of the named colour, beside others."),
     ("insert_block", ScaledConfig, "Slip a ring over the pillar of the named colour."),
     ("open_drawer", ScaledConfig, "Pull a drawer open by its handle."),
     ("sort_object", ScaledConfig, "Put three objects into the bins of their colours."),

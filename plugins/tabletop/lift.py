@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import clear, planar, sample_until
 from gvla2.robot.solids import Volume, body_points, cup, on, tray
 from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, WorldState
-from gvla2_plugins.tabletop import PickAndLiftConfig, ScaledConfig
+from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.scenes import DOWN, PAINT, Draw, Rgb, TabletopTask, box, cylinder, lifted, scaled
+
+CUBES, CUBE_SIZE, CUBE_MASS = 3, 0.05, 0.125
+CUBES_AREA, CUBES_GAP = (0.43, 0.565), 0.10
+"""Metres and kilograms: the area about the root that the cubes lie in, and the room between them."""
 
 START_VOLUME = (0.30, 0.30, 0.03)
 """The volume of the relaxed profile, standing on the table about the cube's starting place, metres."""
@@ -21,7 +24,7 @@ SENSOR_HEIGHT, SENSOR_THICKNESS = 0.248, 0.05
 around that height, triggered by any part of the cube, like a proximity sensor."""
 
 
-class PickAndLift(TabletopTask[PickAndLiftConfig]):
+class PickAndLift(TabletopTask[ScaledConfig]):
     """Lift the cube of the named colour.
 
     relaxed: the cube has left a volume of 0.3 x 0.3 x 0.03 m that stands on the table about its starting place: no
@@ -39,23 +42,15 @@ class PickAndLift(TabletopTask[PickAndLiftConfig]):
         "grasp the cube that is {colour} and lift it up to the target height",
     )
 
-    def check(self, config: PickAndLiftConfig) -> None:
-        """There must be a cube."""
-        if config.cubes < 1 or config.size <= 0 or config.mass <= 0:
-            raise ConfigurationError(
-                f"task=pick_and_lift needs at least one cube of positive size and mass, got cubes={config.cubes}, "
-                f"size={config.size}, mass={config.mass}."
-            )
-
     def lay_out(self, draw: Draw) -> TaskInstance:
         """Some cubes."""
-        size, count, table = self.scale * self.config.size, self.config.cubes, draw.site.table_height
-        poses = sample_until(lambda: self._poses(draw, size), f"{count} cubes")
-        colours = draw.colours(count)
-        own = int(draw.rng.integers(count))
+        size, table = self.scale * CUBE_SIZE, draw.site.table_height
+        poses = sample_until(lambda: self._poses(draw, size), f"{CUBES} cubes")
+        colours = draw.colours(CUBES)
+        own = int(draw.rng.integers(CUBES))
         target, aside = draw.named(colours, own)
         bodies = tuple(
-            Body(f"cube_{i}", (box([size] * 3, COLOURS[c]),), poses[i], self.config.mass, label=f"{c} cube")
+            Body(f"cube_{i}", (box([size] * 3, COLOURS[c]),), poses[i], CUBE_MASS, label=f"{c} cube")
             for i, c in enumerate(colours)
         )
         cube, start = bodies[target], poses[target]
@@ -83,13 +78,10 @@ class PickAndLift(TabletopTask[PickAndLiftConfig]):
 
     def _poses(self, draw: Draw, size: float) -> list[FloatArray] | None:
         """Poses (4, 4) of all cubes in the area about a random root; None when one is out of place."""
-        count, radius, table = self.config.cubes, size / np.sqrt(2.0), draw.site.table_height
+        radius, table = size / np.sqrt(2.0), draw.site.table_height
         root = draw.root()
-        half = 0.5 * np.asarray(self.config.area) - radius
-        if (half < 0).any():
-            return None
-        centres, yaws = _scattered(draw, root, half, count)
-        if not clear(centres, [radius] * count, self.config.gap):
+        centres, yaws = _scattered(draw, root, 0.5 * np.asarray(CUBES_AREA) - radius, CUBES)
+        if not clear(centres, [radius] * CUBES, CUBES_GAP):
             return None
         # Reach last: inverse kinematics costs more than everything else.
         if not all(draw.site.inside(xy, radius) for xy in centres) or not all(

@@ -3,16 +3,16 @@
 import json
 import sys
 import types
-from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gvla2.commands.hydra_job import explain
-from gvla2.commands.run import build_components, run_episodes
+from gvla2.commands.run import run_episodes
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
-from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
+from gvla2.memory.contracts import MemoryContext, MemoryItem
+from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
 from tests.quick import QUICK
@@ -27,6 +27,7 @@ ORDER = (
 SEEN = (
     "perceiver=classical",
     "robot.image_size=160",
+    "robot.video_fps=5",
     "robot.cameras=[front,left_shoulder,right_shoulder,wrist]",
 )
 
@@ -42,22 +43,6 @@ class Listener(SilentListener):
         self.frames += 1
 
 
-@pytest.fixture
-def parts_of(registry, compose_run):
-    """Build the parts of a run for some overrides; the robot and the memory are closed after the test."""
-    opened = []
-
-    def build(*overrides):
-        parts = build_components(compose_run(*QUICK, *overrides), registry)
-        opened.extend((parts.robot, parts.memory))
-        return parts
-
-    yield build
-    for part in opened:
-        with closing(part):
-            pass
-
-
 class Wrapped:
     """Another object with some of its methods replaced."""
 
@@ -69,7 +54,7 @@ class Wrapped:
 
 
 def test_an_episode_goes_through_every_stage_and_learns(parts_of):
-    parts, listener = parts_of(*SEEN), Listener()
+    parts, listener = parts_of(*QUICK, *SEEN), Listener()
     record = run_episode(parts, EpisodeRequest(seed=1), listener)
     assert tuple(listener.records) == ORDER
     assert record.failure is None, record.failure
@@ -129,9 +114,9 @@ class _Renaming:
         )
 
 
-@pytest.mark.parametrize("task", ["pick_and_lift", "push_block", "lamp_on"])
+@pytest.mark.parametrize("task", ["pick_and_lift", "lamp_on"])
 def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
-    parts = parts_of(*SEEN, f"task={task}", "memory=none")
+    parts = parts_of(*QUICK, *SEEN, f"task={task}", "memory=none")
     plain = run_episode(parts, EpisodeRequest(seed=3))
     blind = replace(parts, task=Renamed(parts.task), choices={**parts.choices, "task": "anything"})
     renamed = run_episode(blind, EpisodeRequest(seed=3))
@@ -145,7 +130,7 @@ def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
     "sentence", ["juggle the walrus", "pick up the zeppelin", "", "\x00;DROP TABLE memory;--"]
 )
 def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
-    record = run_episode(parts_of(), EpisodeRequest(seed=1, instruction=sentence))
+    record = run_episode(parts_of(*QUICK), EpisodeRequest(seed=1, instruction=sentence))
     assert record.failure is not None
     assert record.failure.stage == "plan"
     assert record.report is None
@@ -155,7 +140,7 @@ def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
 
 
 def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_of):
-    parts = parts_of()
+    parts = parts_of(*QUICK)
     effects = ({"kind": "bound", "parameter": "lift_height"}, Bound("lift_height", 0.3).to_json())
     item, sound = (
         MemoryItem(name, "failure_avoidance", "Lift higher.", 0.9, 0.9, {}, True, effect=effect)
@@ -206,7 +191,7 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learned(parts_of)
             if self.moments == 3:
                 raise KeyboardInterrupt
 
-    parts, listener = parts_of(), Impatient()
+    parts, listener = parts_of(*QUICK), Impatient()
     with pytest.raises(KeyboardInterrupt):
         run_episode(parts, EpisodeRequest(seed=1), listener)
     assert listener.records["execute"].failure.kind == "interrupted"
@@ -223,11 +208,11 @@ def crash(*_):
 
 
 def test_nobody_writes_into_what_others_see(parts_of):
-    parts, seen = parts_of("memory=none"), []
+    parts, seen = parts_of(*QUICK, "memory=none"), []
 
     def plan(request):
         seen.append(request)
-        return parts.planner.plan(request)
+        return Plan(None, abstention=Abstention("other", "Only looking."))
 
     run_episode(replace(parts, planner=Wrapped(parts.planner, plan=plan)), EpisodeRequest(seed=1))
     (request,) = seen
@@ -241,19 +226,14 @@ def test_nobody_writes_into_what_others_see(parts_of):
     [
         (crash, "The verifier 'geometric' of plugin 'geometric' crashed: RuntimeError: a mistake of its own"),
         (
-            lambda evidence: Verdict.from_criteria({"lifted": float("nan")}),
-            "crashed: ValueError: A verdict needs",
-        ),
-        (
             lambda evidence: None,
             "The verifier 'geometric' of plugin 'geometric' returned NoneType, not a Verdict.",
         ),
-        (lambda evidence: sys.exit(4), "crashed: RuntimeError: SystemExit(4) would have ended"),
     ],
-    ids=["crash", "nan", "none", "exit"],
+    ids=["crash", "none"],
 )
 def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, shown):
-    parts, listener = parts_of(), Listener()
+    parts, listener = parts_of(*QUICK), Listener()
     broken = replace(parts, verifier=Wrapped(parts.verifier, verify=verify))
     record = run_episode(broken, EpisodeRequest(seed=1), listener)
     assert tuple(listener.records) == ORDER
@@ -270,7 +250,7 @@ def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, ver
     ids=["crash", "none"],
 )
 def test_a_broken_memory_is_said_and_the_episode_goes_on(parts_of, method, shown):
-    parts = parts_of()
+    parts = parts_of(*QUICK)
     broken = replace(parts, memory=Wrapped(parts.memory, recall=method, learn=method))
     record = run_episode(broken, EpisodeRequest(seed=1))
     assert record.success_check.relaxed

@@ -1,12 +1,10 @@
 """Planning anew after a failed attempt, with the real simulator, perceiver, planner, memory and verifier."""
 
-from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_components
 from gvla2.episode.attempts import cameras_moved, hand_is_free
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.episode.planning import advice_for
@@ -20,8 +18,6 @@ from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.testing import inputs
 from tests.quick import QUICK
 
-SMALL = (*QUICK, "robot.video_fps=2")
-
 
 class Listener(SilentListener):
     def __init__(self):
@@ -30,21 +26,6 @@ class Listener(SilentListener):
     def stage(self, record, stage):
         self.stages.append(stage)
         self.records.append(record)
-
-
-@pytest.fixture
-def parts_of(registry, compose_run):
-    opened = []
-
-    def build(*overrides):
-        parts = build_components(compose_run(*SMALL, *overrides), registry)
-        opened.extend((parts.robot, parts.memory))
-        return parts
-
-    yield build
-    for part in opened:
-        with closing(part):
-            pass
 
 
 class Clumsy:
@@ -67,7 +48,7 @@ class Clumsy:
 
 
 def test_a_failed_attempt_is_seen_and_another_one_succeeds(parts_of):
-    parts, listener = parts_of(), Listener()
+    parts, listener = parts_of(*QUICK), Listener()
     clumsy = Clumsy(parts.planner)
     record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=1), listener)
     assert record.failure is None, record.failure
@@ -100,7 +81,7 @@ def _task_of(record):
 
 
 def test_attempts_end_with_the_number_allowed(parts_of):
-    parts = parts_of("memory=none")
+    parts = parts_of(*QUICK, "memory=none")
     clumsy = Clumsy(parts.planner, times=5)
     record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=2))
     assert record.failure.kind == "not_achieved"
@@ -110,7 +91,7 @@ def test_attempts_end_with_the_number_allowed(parts_of):
 
 
 def test_an_attempt_that_comes_to_nothing_leaves_the_one_before_standing(parts_of):
-    parts = parts_of("memory=none")
+    parts = parts_of(*QUICK, "memory=none")
     gives_up = Plan(None, abstention=Abstention("other", "I had enough of this."))
     clumsy = Clumsy(parts.planner, then=gives_up)
     record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=3))
@@ -129,7 +110,7 @@ def misled(parts, overshoot):
 
 
 def test_what_was_diagnosed_binds_the_next_attempt(parts_of):
-    parts = parts_of("task=push_block", "memory=none")
+    parts = parts_of(*QUICK, "task=push_block", "memory=none")
 
     class Misleading:
         def recall(self, task):

@@ -51,9 +51,9 @@ def drawer():
 
 
 @pytest.fixture
-def gallery(tmp_path, world, monkeypatch):
+def gallery(tmp_path, tmp_path_factory, world, monkeypatch):
     """A cabinet as a URDF, one of whose drawers opens towards negative values, a brick and a bottle."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "gallery_cache"))
     folder = tmp_path / "gallery"
     (folder / "parts").mkdir(parents=True)
     body().export(folder / "parts" / "body.ply")

@@ -125,8 +125,6 @@ def test_what_does_not_fit_is_said():
         task("pick_and_lift").sample(rng, site(size=(0.2, 0.2)))
     with pytest.raises(ConfigurationError, match="reach"):
         task("lamp_on").sample(rng, site(reachable=lambda point: False))
-    with pytest.raises(ConfigurationError, match="21 colours"):
-        task("pick_and_lift", cubes=21, size=0.001, gap=0.0).sample(rng, site())
 
 
 def test_the_lamp_shines_once_its_button_went_all_the_way():

@@ -7,7 +7,7 @@ from typing import Any
 
 from gvla2.evaluation.config import SUITES
 from gvla2.evaluation.engine import Suite
-from gvla2.evaluation.results import Cell
+from gvla2.evaluation.results import Cell, Run
 from gvla2.evaluation.tables import Sheet
 
 RUNS = "run"
@@ -33,11 +33,11 @@ def suite_named(name: str) -> type[Suite[Any, Any]]:
     raise KeyError(name)
 
 
-def report(name: str, cells: Sequence[Cell]) -> tuple[str, list[Sheet]]:
-    """The title and the tables of a suite's rows, or of a sweep's jobs."""
+def report(name: str, cells: Sequence[Cell], runs: Sequence[Run] = ()) -> tuple[str, list[Sheet]]:
+    """The title and the tables of a suite's rows, which ``runs`` measured, or of a sweep's jobs."""
     if name == RUNS:
         from gvla2.evaluation.sweeps import run_sheets
 
         return "Runs", run_sheets(cells)
     suite = suite_named(name)
-    return suite.title, suite.sheets(cells)
+    return suite.title, suite.sheets(cells, runs)

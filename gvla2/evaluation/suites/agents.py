@@ -27,7 +27,7 @@ from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
 from gvla2.evaluation.components import configured, model_label
 from gvla2.evaluation.config import AgentsBench
 from gvla2.evaluation.engine import Suite, Unit
-from gvla2.evaluation.results import Cell, cell_key, code_digest, versions
+from gvla2.evaluation.results import Cell, Run, cell_key, code_digest, versions
 from gvla2.evaluation.tables import Sheet
 from gvla2.language.contracts import LanguageModelError, Ledger
 from gvla2.plugins.registry import Registry
@@ -122,7 +122,7 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
         return work(unit, registry)
 
     @staticmethod
-    def sheets(cells: Sequence[Cell]) -> list[Sheet]:
+    def sheets(cells: Sequence[Cell], runs: Sequence[Run] = ()) -> list[Sheet]:
         """The memories compared with none, task by task."""
         return comparison_sheets(cells, LAYOUT)
 

@@ -28,7 +28,7 @@ from gvla2.evaluation.datasets import Dataset, Item, open_dataset
 from gvla2.evaluation.engine import Rows, Suite, Unit, in_a_worker
 from gvla2.evaluation.metrics import MEASURES, ReconstructionJudge
 from gvla2.evaluation.protocol import VERSION
-from gvla2.evaluation.results import Cell, cell_key
+from gvla2.evaluation.results import Cell, Run, cell_key
 from gvla2.evaluation.tables import Sheet
 from gvla2.plugins.assembly import GEOMETRY
 from gvla2.plugins.registry import Registry
@@ -129,7 +129,7 @@ class ReconstructionSuite(Suite[ReconstructionBench, ObjectUnit]):
                 yield _failed(unit, key, error)
 
     @staticmethod
-    def sheets(cells: Sequence[Cell]) -> list[Sheet]:
+    def sheets(cells: Sequence[Cell], runs: Sequence[Run] = ()) -> list[Sheet]:
         """The ablation's table for each group of cells that can be compared."""
         return comparison_sheets(cells, LAYOUT)
 

@@ -5,16 +5,19 @@ All arms learn from the same explored episodes, which are stored too; the banks 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
+import yaml
+
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.arms import STORIES, Story, chosen_memory, has_bank, teach
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import Rows, Suite
-from gvla2.evaluation.results import Cell
+from gvla2.evaluation.results import Cell, Run
 from gvla2.evaluation.suites.robot_design import (
     EXPLORATION,
     FAMILY,
@@ -27,6 +30,9 @@ from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, Lesson
 from gvla2.evaluation.suites.robot_tables import robot_sheets
 from gvla2.evaluation.tables import Sheet
 from gvla2.plugins.registry import Registry
+
+OTHERS = ("groups", "published")
+"""Options of a run that its report takes up."""
 
 
 class RobotSuite(Suite[RobotBench, EpisodeUnit]):
@@ -54,7 +60,11 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
         world = world_of(unit.config)
         if world not in self._schools:
             self._schools[world] = School(self.designs[world], self.registry, self.folder, rows)
-        return replace(unit, lessons=self._schools[world].lessons(unit))
+        films = self.config.films != "none"
+        place = (
+            self.folder / "episodes" / re.sub(r"\W+", "_", unit.subject) / f"{unit.arm.name}_{unit.layout}"
+        )
+        return replace(unit, lessons=self._schools[world].lessons(unit), folder=place if films else None)
 
     @staticmethod
     def measure(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
@@ -66,9 +76,11 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
         release()
 
     @staticmethod
-    def sheets(cells: Sequence[Cell]) -> list[Sheet]:
+    def sheets(cells: Sequence[Cell], runs: Sequence[Run] = ()) -> list[Sheet]:
         """Success, the differences between arms, costs and failures of each group that can be compared."""
-        return robot_sheets(cells)
+        configs = [yaml.safe_load(run.config) or {} for run in runs]
+        groups, published = ({k: v for one in configs for k, v in one.get(of, {}).items()} for of in OTHERS)
+        return robot_sheets(cells, groups, published)
 
 
 class School:

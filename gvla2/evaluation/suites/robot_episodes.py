@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from omegaconf import OmegaConf
 
 from gvla2.episode.lessons import stories_of
 from gvla2.episode.loop import Components, EpisodeRequest, SilentListener, run_episode
@@ -28,6 +34,8 @@ from gvla2.evaluation.results import Cell
 from gvla2.memory.contracts import Memory, MemoryTask
 from gvla2.plugins.assembly import GEOMETRY, LOOP, build_components
 from gvla2.plugins.registry import Registry
+from gvla2.record.recorder import RunRecorder
+from gvla2.robot.backend import Moment
 
 EXPLORED = "exploration"
 """The arm whose episodes the others learn from: it varies the planner's theta and recalls nothing."""
@@ -56,6 +64,7 @@ class EpisodeUnit(Unit):
 
     ``subject`` names the row; ``task`` is the task's name and options; ``profiles`` are those of its cells, in the
     order of ``keys``, and ``factors`` what the cells have in common; ``config`` is the bench with the planner.
+    ``folder`` is for the episode's film and page, if it has them.
     """
 
     config: RobotBench
@@ -66,6 +75,7 @@ class EpisodeUnit(Unit):
     factors: Mapping[str, str | int]
     profiles: tuple[str, ...] = ("",)
     lessons: Lessons = Lessons()
+    folder: Path | None = None
 
 
 def chosen_components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, Any]:
@@ -99,22 +109,52 @@ class _Latest(SilentListener):
         self.record = record
 
 
+class _Filmed(_Latest):
+    """Also writes the episode's folder, with its film and page."""
+
+    def __init__(self, folder: Path, config: RobotBench) -> None:
+        self._recorder = RunRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)), command="bench")
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        """Write what the stage found."""
+        super().stage(record, stage)
+        self._recorder.stage(record, stage)
+
+    def moment(self, moment: Moment) -> None:
+        """The robot's state at the next frame."""
+        self._recorder.moment(moment)
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """A frame (H, W, 3) of the moving robot."""
+        self._recorder.frame(image)
+
+    def finish(self) -> None:
+        """Complete the folder."""
+        assert self.record is not None
+        self._recorder.finish(self.record)
+
+
 def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, float]:
     """The episode's record, and its seconds."""
-    config, arm, listener = unit.config, unit.arm, _Latest()
+    config, arm = unit.config, unit.arm
+    listener = _Latest() if unit.folder is None else _Filmed(unit.folder, config)
     request = EpisodeRequest(
         seed=unit.layout,
         source=f"{unit.subject}-{arm.name}-{unit.layout}",
         replan=config.replan if arm.replan is None else arm.replan,
         depth_noise=config.depth_noise,
         planner_timeout=config.planner_timeout,
-        max_parts=config.max_parts,
     )
     started = time.perf_counter()
     with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours
         run_episode(components, request, listener)
     seconds = time.perf_counter() - started
     assert listener.record is not None
+    if isinstance(listener, _Filmed):
+        listener.finish()
+        check = listener.record.success_check
+        if config.films == "failures" and check is not None and check.relaxed:
+            shutil.rmtree(unit.folder)
     return listener.record, round(seconds, 3)
 
 
@@ -130,6 +170,7 @@ def cells_of(
     notes: dict[str, Any] = {
         "status": "ok" if measured else f"not measured: {why}",
         "layout": unit.layout,
+        "folder": str(unit.folder.absolute()) if unit.folder is not None and unit.folder.is_dir() else "",
         **_notes(record),
         **({"stories": STORIES.dump_python(explored, mode="json")} if explored else {}),
     }

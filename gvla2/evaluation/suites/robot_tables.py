@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from statistics import fmean, median
+from types import MappingProxyType
+from typing import Any
 
 from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.statistics import (
@@ -18,7 +20,7 @@ from gvla2.evaluation.statistics import (
     won_and_lost,
 )
 from gvla2.evaluation.suites.robot_design import NAMED, PROFILES, SETTING, ordered
-from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, Tone, runs_of, text_cell
+from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, Tone, film, runs_of, text_cell
 from gvla2.record.text import count
 
 PLANNER = ("planner", "model")
@@ -34,6 +36,10 @@ SUCCESS = (
     "the server counted them. Answers from a cache cost neither tokens nor time. In a learnable world each seed is "
     "another world, and a row pools the families of that number."
 )
+SUITES = (
+    "Success in per cent by suite with its 95 % Wilson interval. Published results have other evidence, which the last "
+    "row names: no test between them and ours means anything."
+)
 EFFECT = (
     "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
     "lost; exact McNemar p over all pairs; tasks that differ after Holm."
@@ -45,18 +51,30 @@ FAILURES = (
     "not counted, and measured again next time."
 )
 
+NOT_REPORTED = SheetCell(("",), none=True)
 Columns = Mapping[str, Sequence[Cell]]
 """A table's columns by heading, each with its cells."""
 
 
-def robot_sheets(cells: Iterable[Cell]) -> list[Sheet]:
-    """For each group of comparable cells: success by profile, the differences between arms, the failures."""
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+def robot_sheets(
+    cells: Iterable[Cell],
+    groups: Mapping[str, Sequence[str]] = NOTHING,
+    published: Mapping[str, Any] = NOTHING,
+) -> list[Sheet]:
+    """For each group of comparable cells: success by suite and by ``groups`` of suites beside ``published`` results,
+    success by profile, the differences between arms, the failures.
+    """
     given = list(cells)
     order = list(grouped(given, *PLANNER))
     once = latest(given, lambda cell: cell.texts(*SETTING, *EPISODE))
     kept = sorted(once, key=lambda cell: (cell.texts(*SETTING), order.index(cell.texts(*PLANNER))))
     return [
-        sheet for found in grouped(kept, *SETTING).values() for sheet in _of_setting(list(map(_named, found)))
+        sheet
+        for found in grouped(kept, *SETTING).values()
+        for sheet in _of_setting(list(map(_named, found)), groups, published)
     ]
 
 
@@ -67,11 +85,18 @@ def _named(cell: Cell) -> Cell:
     return replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm})
 
 
-def _of_setting(cells: Sequence[Cell]) -> list[Sheet]:
+def _of_setting(
+    cells: Sequence[Cell], groups: Mapping[str, Sequence[str]], published: Mapping[str, Any]
+) -> list[Sheet]:
     tasks = ordered([task for (task,) in grouped(cells, "task")])
     columns = _columns(cells)
     title = _title(cells, SETTING if len(grouped(cells, "planner")) > 1 else (*SETTING, *PLANNER))
-    sheets = [_success(columns, tasks, profile, f"{title}: success, {profile}") for profile in PROFILES]
+    sheets = []
+    if suites := list(dict.fromkeys(task.partition("/")[0] for task in tasks if "/" in task)):
+        whole = {name: some for name, some in groups.items() if set(some) <= set(suites)}
+        whole = whole or {"mean over suites": suites}
+        sheets.append(_by_suite(columns, suites, whole, published, f"{title}: success by suite"))
+    sheets += [_success(columns, tasks, profile, f"{title}: success, {profile}") for profile in PROFILES]
     for found in grouped(cells, *PLANNER).values():
         if len(grouped(found, "arm")) > 1:
             sheets.append(_effects(found, f"{_title(found, (*SETTING, *PLANNER))}: what memory adds"))
@@ -112,6 +137,31 @@ def _counts(cell: Cell) -> bool:
 
 def _of_profile(cells: Iterable[Cell], profile: str) -> list[Cell]:
     return [cell for cell in cells if cell.factors.get("profile") == profile]
+
+
+def _by_suite(
+    columns: Columns,
+    suites: Sequence[str],
+    groups: Mapping[str, Sequence[str]],
+    published: Mapping[str, Any],
+    title: str,
+) -> Sheet:
+    """Suites and their groups down; planners, arms and the published systems that report any of them across."""
+    lines: dict[str, list[SheetCell]] = {name: [] for name in (*suites, *groups, "given")}
+    for some in (_of_profile(found, PROFILES[0]) for found in columns.values()):
+        by_suite = {name: [c for c in some if c.texts("task")[0].startswith(f"{name}/")] for name in suites}
+        for name in suites:
+            lines[name].append(_rate(by_suite[name], 0))
+        for name, members in groups.items():
+            lines[name].append(_rate([cell for one in members for cell in by_suite[one]], 0))
+        lines["given"].append(text_cell("see the title"))
+    others = {name: one for name, one in published.items() if not lines.keys().isdisjoint(one["success"])}
+    for one in others.values():
+        for name in (*suites, *groups):
+            lines[name].append(text_cell(one["success"][name]) if name in one["success"] else NOT_REPORTED)
+        lines["given"].append(text_cell(one["given"]))
+    headings = (*columns, *(f"{name} (published)" for name in others))
+    return Sheet(title, headings, tuple(SheetRow(k, tuple(v)) for k, v in lines.items()), "", (), SUITES)
 
 
 def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -> Sheet:
@@ -238,7 +288,16 @@ def _failures(columns: Columns, title: str) -> Sheet:
     rows.append(_line("episodes", lambda some: str(len(some)), found))
     rows.append(_line("verifier agrees", _agreement, found))
     rows.append(_line("seconds, median", lambda some: _middle(measured(some, "seconds")), found))
-    return Sheet(title, tuple(columns), tuple(rows), "", (), FAILURES)
+    shown = [
+        film(
+            f"{c.texts('task')[0]}, layout {c.notes.get('layout')}: {c.notes.get('message')}",
+            str(c.notes["folder"]),
+        )
+        for some in found.values()
+        for c in some
+        if c.notes.get("failure") and c.notes.get("folder")
+    ]
+    return Sheet(title, tuple(columns), tuple(rows), "", (), FAILURES, tuple(shown))
 
 
 def _line(label: str, text: Callable[[Sequence[Cell]], str], columns: Columns) -> SheetRow:

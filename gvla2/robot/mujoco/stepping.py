@@ -23,17 +23,6 @@ RATE = 20.0
 DRAWN: tuple[int, ...] = (1,)
 """Group of the geoms that robosuite draws; group 0 are collision shapes."""
 
-SCENERY: tuple[str, ...] = (
-    "floor",
-    "wall",
-    "table",
-    "main_table",
-    "kitchen_table",
-    "living_room_table",
-    "study_table",
-    "coffee_table",
-)
-
 
 def import_robosuite(wanted: str, needed_by: str, extra: str) -> Any:
     """Robosuite of the version that begins with ``wanted``.
@@ -72,7 +61,7 @@ def silent() -> Iterator[None]:
 class EnvWorld:
     """A world (:class:`gvla2.robot.mujoco.world.World`) around an environment that was made with :meth:`options`."""
 
-    rate, groups, scenery = RATE, DRAWN, SCENERY
+    rate, groups = RATE, DRAWN
 
     def __init__(
         self,

@@ -21,9 +21,9 @@ class World(Protocol):
     """A compiled model with its state, one task in it, and what judges it.
 
     ``steps`` counts those of the present episode, ``max_steps`` (0: none) ends it; ``rate`` is in steps a second.
-    ``groups`` are the groups of geoms that cameras see. ``scenery`` begins the names of the bodies that belong to the
-    room. ``workspace`` is where the tool may go, ``table_height`` that of the main support, metres. The arm follows its
-    targets ``lag`` seconds late, and the hand's target moves over its whole range in ``hand_steps``.
+    ``groups`` are the groups of geoms that cameras see. ``workspace`` is where the tool may go, ``table_height`` that
+    of the main support, metres. The arm follows its targets ``lag`` seconds late, and the hand's target moves over its
+    whole range in ``hand_steps``.
     """
 
     model: Any
@@ -35,7 +35,6 @@ class World(Protocol):
     steps: int
     max_steps: int
     groups: tuple[int, ...]
-    scenery: tuple[str, ...]
     workspace: Box
     table_height: float
     lag: float
