@@ -108,7 +108,6 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
             "components",
             "reconstructor hull, prior depth, axis contours, fusion residual, renderer numba",
         ),
-        ("max_parts=2", "max_parts", "2"),
         ("exploration_seeds=[5,6]", "learning", "exploration_seeds=[5, 6]"),
         ("retriever.top_k=1", "learning", "retriever hybrid (top_k=1)"),
     ],

@@ -183,7 +183,7 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
 
     Experience comes from ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
     spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
-    an episode. ``replan`` further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where
+    an episode. ``replan`` further attempts are allowed in an episode of the test; where
     the planner fails, ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose
     planner takes longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the
     next bench measures it again. The reconstruction branch runs where a ``reconstructor`` is chosen.
@@ -201,7 +201,6 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     exploration: float = 0.25
     exploration_replan: int = 0
     replan: int = 0
-    max_parts: int = 6
     planner_timeout: float = 0.0
     films: str = "none"
     groups: dict[str, list[str]] = field(default_factory=dict)
@@ -218,7 +217,7 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
             (self.films in ("none", "failures", "all"), f"films is '{self.films}'; it is none, failures or all."),
             (not below, f"{', '.join(below)} must not be negative."),
             (min(self.layouts, default=0) >= 0, "layouts must not be negative."),
-            (min(self.families, self.max_parts) >= 1, "families and max_parts are 1 or more."),
+            (self.families >= 1, "families must be 1 or more."),
             (0 <= self.planner_timeout < math.inf, "planner_timeout is in seconds, finite, not negative (0: off)."),
             (0 <= self.exploration <= 1, "exploration lies in [0, 1]."),
         )  # fmt: skip

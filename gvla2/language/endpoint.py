@@ -314,12 +314,13 @@ def read_completion(body: Any, *, cached: bool = False) -> Completion:
     if not closed and answer.lstrip().startswith("<think>"):
         answer = ""
     counts = body.get("usage") if isinstance(body.get("usage"), Mapping) else {}
-    numbers = [counts.get("prompt_tokens"), counts.get("completion_tokens")]
-    metered = all(type(number) is int and number >= 0 for number in numbers)
+    asked, said = counts.get("prompt_tokens"), counts.get("completion_tokens")
+    metered = all(type(number) is int and number >= 0 for number in (asked, said))
     return Completion(
         answer.strip() if closed else answer,
         _tokens(choice.get("logprobs")),
-        *(numbers if metered else (0, 0)),
+        prompt_tokens=asked if metered else 0,
+        completion_tokens=said if metered else 0,
         metered=metered,
         finish=str(choice.get("finish_reason") or ""),
         cached=cached,
