@@ -54,6 +54,8 @@ FLOATS = 0.015
 """A body whose lowest seen points are this high above the table, metres, stands on something."""
 LARGER, WITH_OTHERS = 1.05, 1.4
 """How much longer than a scan a body may be that is that object, and one that may have remainders of others in it."""
+PLAIN = 6.0
+"""Log-odds from which an object is plainly one that stands on the table: others may lean on a neighbour."""
 LAYER = 0.015
 """Steps of height in which what stands on something else is looked for, metres."""
 RARE, LEAST_THERE = 0.001, 0.5
@@ -124,10 +126,12 @@ class Gallery:
         floats = float(np.percentile(points[:, 2], 2.0)) > table + FLOATS
         fits = self.fits([seen])
         naming = self._named(fits)
-        stacked = floats or not naming.label or naming.sureness < SURE_ENOUGH
-        if stacked:
-            fits = self.fits(_slabs(seen, sights), 0.5 * LAYER)
-            naming = self._named(fits)
+        unsure = floats or not naming.label or naming.sureness < SURE_ENOUGH
+        stacked = False
+        if unsure or fits[0].odds < PLAIN:
+            others = self.fits(_slabs(seen, sights), 0.5 * LAYER)
+            if unsure or (others and _likelihood(others[0]) > _likelihood(fits[0])):
+                stacked, fits, naming = True, others, self._named(others)
         if not naming.label or naming.sureness < SURE_ENOUGH:
             return None
         return replace(self._recognised(fits[0], naming, points, rgb, table), stacked=stacked)
