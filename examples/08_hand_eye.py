@@ -23,7 +23,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import check_rigid, invert_rigid, look_along, rigid
-from gvla2.robot.calibration import Calibration, Intrinsics
+from gvla2.robot.calibration import Calibration, pinhole
 
 FEWEST, SMALLEST_TURN = 8, np.radians(15.0)
 LEVER = 0.3  # metres: the weight of a radian of rotation error in the refinement
@@ -93,9 +93,8 @@ def main(words):
         print(f"pair {number:<3} {1e3 * shift:8.3f} mm  {np.degrees(turn):8.4f} degrees")
     rmse = float(np.sqrt((off[:, :3] ** 2).sum(axis=1).mean()))
     print(f"RMSE     {1e3 * rmse:8.3f} mm")
-    made = Calibration(
-        transform, Intrinsics(**recording["intrinsics"]), recording["serial"], rmse, mount
-    )  # or refused
+    lens = pinhole(**recording["intrinsics"], pose=transform)
+    made = Calibration(lens, recording["serial"], rmse, mount)  # or it is refused
     out = Path(words[1] if len(words) > 1 else "hand_eye.json")
     made.save(out)
     print(f"calibration: {out}")

@@ -168,7 +168,7 @@ def show(request: MemoryRequest) -> Answer:
     for link in links:
         forward = link.source == record.id
         rows.append(("link", f"{link.kind} {link.target}" if forward else f"{link.kind} of {link.source}"))
-    changes = [_parsed(event._mapping, "scores", "change") | {"erased": not event.salt} for event in events]
+    changes = [_parsed(event._asdict(), "scores", "change") | {"erased": not event.salt} for event in events]
     return Answer(
         {"record": _columns(record), "links": [link._asdict() for link in links], "events": changes},
         [_table(("field", "value"), rows), _events_table(changes)],

@@ -23,7 +23,6 @@ from gvla2.language.contracts import (
     ModelUnavailableError,
     Request,
     UnusableAnswerError,
-    Usage,
     picture,
 )
 from gvla2.language.options import AskingOptions, EndpointOptions
@@ -45,7 +44,6 @@ __all__ = [
     "ModelUnavailableError",
     "Request",
     "UnusableAnswerError",
-    "Usage",
     "ask_typed",
     "json_in",
     "picture",

@@ -73,27 +73,20 @@ in its place, by text, itself included; values may be -inf or NaN if the server 
 
 
 @dataclass(frozen=True)
-class Usage:
-    """Tokens of one call; ``metered`` is False where the server did not count (the numbers are then 0)."""
-
-    prompt_tokens: int = 0
-    completion_tokens: int = 0
-    metered: bool = False
-
-
-@dataclass(frozen=True)
 class Completion:
     """What a model answered.
 
-    ``text`` is the answer alone, ``reasoning`` what it thought before. ``tokens`` spell the whole stream, reasoning
-    included; empty when the server gave no log-probabilities. ``finish`` is the server's finish reason ("stop",
-    "length"). ``latency`` in seconds, with retries; a ``cached`` answer was not asked for again and cost nothing.
+    ``text`` is the answer alone, without what the model thought before. ``tokens`` spell the whole stream, its thoughts
+    included; empty when the server gave no log-probabilities. ``metered`` is False where the server did not count
+    tokens (the numbers are then 0). ``finish`` is the server's finish reason ("stop", "length"). ``latency`` in
+    seconds, with retries; a ``cached`` answer was not asked for again and cost nothing.
     """
 
     text: str
-    reasoning: str = ""
     tokens: tuple[Token, ...] = ()
-    usage: Usage = Usage()
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    metered: bool = False
     finish: str = ""
     cached: bool = False
     latency: float = 0.0
@@ -121,9 +114,9 @@ class Ledger:
         elif answer is not None:
             counts = {
                 "calls": 1,
-                "unmetered": not answer.usage.metered,
-                "prompt_tokens": answer.usage.prompt_tokens,
-                "completion_tokens": answer.usage.completion_tokens,
+                "unmetered": not answer.metered,
+                "prompt_tokens": answer.prompt_tokens,
+                "completion_tokens": answer.completion_tokens,
                 "seconds": round(answer.latency, 3),
             }
         with self._lock:

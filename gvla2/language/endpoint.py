@@ -28,7 +28,6 @@ from gvla2.language.contracts import (
     Request,
     Server,
     Token,
-    Usage,
 )
 from gvla2.language.options import AskingOptions, EndpointOptions
 
@@ -308,20 +307,21 @@ def read_completion(body: Any, *, cached: bool = False) -> Completion:
         content = message.get("content") or ""
         if isinstance(content, list):
             content = "".join(part["text"] for part in content if isinstance(part.get("text"), str))
-        thought, closed, answer = content.rpartition("</think>")
+        _, closed, answer = content.rpartition("</think>")
     except (AttributeError, KeyError, IndexError, TypeError) as error:
         message = f"The server's answer is no completion ({type(error).__name__}: {error})."
         raise MalformedAnswerError(message) from None
     if not closed and answer.lstrip().startswith("<think>"):
-        thought, answer = answer, ""
-    stated = (message.get("reasoning_content"), message.get("reasoning"))
-    spoken = thought.strip().removeprefix("<think>").strip()
-    reasoning = [*[text for text in stated if isinstance(text, str) and text][:1], spoken]
+        answer = ""
+    counts = body.get("usage") if isinstance(body.get("usage"), Mapping) else {}
+    asked, said = counts.get("prompt_tokens"), counts.get("completion_tokens")
+    metered = all(type(number) is int and number >= 0 for number in (asked, said))
     return Completion(
-        text=answer.strip() if closed else answer,
-        reasoning="\n".join(filter(None, reasoning)),
-        tokens=_tokens(choice.get("logprobs")),
-        usage=_usage(body.get("usage")),
+        answer.strip() if closed else answer,
+        _tokens(choice.get("logprobs")),
+        prompt_tokens=asked if metered else 0,
+        completion_tokens=said if metered else 0,
+        metered=metered,
         finish=str(choice.get("finish_reason") or ""),
         cached=cached,
     )
@@ -350,11 +350,3 @@ def _spelling(entry: Mapping[str, Any]) -> bytes:
         return bytes(entry["bytes"])
     text: str = entry["token"].replace("▁", " ").replace("Ġ", " ").replace("Ċ", "\n")
     return text.encode(errors="replace")
-
-
-def _usage(counts: Any) -> Usage:
-    counts = counts if isinstance(counts, Mapping) else {}
-    numbers = (counts.get("prompt_tokens"), counts.get("completion_tokens"))
-    if not all(type(number) is int and number >= 0 for number in numbers):
-        return Usage()
-    return Usage(*numbers, metered=True)

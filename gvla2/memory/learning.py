@@ -209,8 +209,8 @@ def _admitted(bank: OpenBank, one: JudgedEpisode, fates: list[Learned], limit: i
         if state is None:
             notes.append(note)
             continue
-        how = {"state": state, "note": note, "trust": trust}
-        record = new_record(bank.bank, lesson, episode, one.verdict, bank.clock(), **how)
+        now = bank.clock()
+        record = new_record(bank.bank, lesson, episode, one.verdict, now, state=state, note=note, trust=trust)
         if record.dedup_key not in admitted and len(admitted) >= limit:
             notes.append(f"One episode may bring {limit} lessons: the rest was left out.")
         else:

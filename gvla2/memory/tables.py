@@ -112,7 +112,7 @@ TABLES: tuple[Table, ...] = tuple(METADATA.sorted_tables)
 
 def event_damage(event: Row[Any]) -> str:
     """What is wrong with a stored event, "" if nothing: columns whose values cannot have been stored."""
-    wrong = [name for name, value in event._mapping.items() if type(value) is not _KINDS.get(name, str)]
+    wrong = [name for name, value in event._asdict().items() if type(value) is not _KINDS.get(name, str)]
     return f"damaged: {', '.join(wrong)} cannot be read" if wrong or not math.isfinite(event.at) else ""
 
 

@@ -102,7 +102,10 @@ class Transaction(BankView):
             self._write(VECTOR, self._vector_row(stored, vector, model))
         elif old is None or old.text != stored.text:
             self._change(delete(VECTOR), VECTOR.c.id, [stored.id])
-        change = _difference(old, stored) if old else as_json(stored)
+        change = as_json(stored)
+        if old:
+            before = as_json(old) | {"version": stored.version, "rev": stored.rev}
+            change = {name: [before[name], value] for name, value in change.items() if before[name] != value}
         self._append(action, stored.id, why=why, change=change, origin=origin, row=stored)
         return stored
 
@@ -223,15 +226,6 @@ class Transaction(BankView):
         """Update or delete the bank's rows whose column has one of these values."""
         for some in batches(values):
             self.sql.execute(statement.where(column.table.c.bank == self.bank, column.in_(some)))
-
-
-def _difference(before: Record, after: Record) -> dict[str, list[Any]]:
-    """``{field: [before, after]}`` of the differences, except version and rev."""
-    return {
-        name: [getattr(before, name), value]
-        for name, value in as_json(after).items()
-        if name not in ("version", "rev") and getattr(before, name) != value
-    }
 
 
 def checked(record: Record, bank: str, version: int, rev: int) -> Record:

@@ -248,12 +248,11 @@ def audit(view: BankView, head: str = "") -> list[Problem]:
     for link in sorted(links ^ expected.links):
         problems.append(Problem("link", " ".join(link), "it is not in both rows and events"))
     for row in view.episode_rows():
-        digest = expected.episodes.pop(row.source, "")
         try:
             stored = digest_of(row.at, row.data)
-        except (TypeError, ValueError):  # damaged
-            stored = None
-        if digest != stored:
+        except (TypeError, ValueError):
+            stored = "damaged"
+        if expected.episodes.pop(row.source, "") != stored:
             problems.append(Problem("episode", str(row.source), "it is not what was stored"))
     missing = {"record": expected.records, "episode": expected.episodes}
     for where, due in missing.items():

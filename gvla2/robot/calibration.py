@@ -8,7 +8,7 @@ recorded pose pairs by OpenCV; any other tool may write it.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from gvla2.errors import GeometryError, RobotError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import FloatArray, check_rigid
+from gvla2.geometry.transform import FloatArray
 from gvla2.io.files import write_whole
 
 Mount = Literal["eye_to_hand", "eye_in_hand"]
@@ -30,41 +30,18 @@ _KEYS: dict[Mount, str] = {"eye_to_hand": "T_base_camera", "eye_in_hand": "T_tcp
 
 
 @dataclass(frozen=True)
-class Intrinsics:
-    """Pixels; the principal point counts from the image's upper left corner."""
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    width: int
-    height: int
-
-    def __post_init__(self) -> None:
-        numbers = list(vars(self).values())
-        if not np.isfinite(numbers).all() or min(self.fx, self.fy, self.width, self.height) <= 0:
-            raise ValueError(f"the intrinsics {vars(self)} are not those of a camera")
-
-
-@dataclass(frozen=True)
 class Calibration:
-    """Where a camera stands. ``transform`` (4, 4) is base_from_camera, or tcp_from_camera for an eye in the hand.
+    """Where a camera stands: the pose of ``lens`` is base_from_camera, or tcp_from_camera for an eye in the hand.
 
-    Raises :class:`RobotError` for a mirrored or skewed transform and for an ``rmse`` (metres) above 5 mm.
+    Raises :class:`RobotError` for an ``rmse`` (metres) above 5 mm.
     """
 
-    transform: FloatArray
-    intrinsics: Intrinsics
+    lens: Camera
     serial: str
     rmse: float
     mount: Mount = "eye_to_hand"
 
     def __post_init__(self) -> None:
-        try:
-            matrix = check_rigid(self.transform, f"{_KEYS[self.mount]} of camera '{self.serial}'")
-        except GeometryError as error:
-            raise RobotError(f"{error} Calibrate again.") from error
-        object.__setattr__(self, "transform", matrix)
         if not 0 <= self.rmse <= LARGEST_RMSE:
             raise RobotError(
                 f"The calibration of camera '{self.serial}' leaves residuals of {1e3 * self.rmse:.1f} mm (RMSE); at "
@@ -75,19 +52,20 @@ class Calibration:
 
     def camera(self, name: str, base_from_tcp: FloatArray | None) -> Camera:
         """The pinhole camera in the base frame. One on the hand needs the tool's pose ``base_from_tcp`` (4, 4)."""
-        pose, i = self.transform, self.intrinsics
+        pose = self.lens.world_from_camera
         if self.mount == "eye_in_hand":
             if base_from_tcp is None:
                 raise RobotError(f"The camera '{self.serial}' is on the hand: it needs the hand's pose.")
             pose = base_from_tcp @ pose
-        matrix = np.array([[i.fx, 0.0, i.cx], [0.0, i.fy, i.cy], [0.0, 0.0, 1.0]])
-        return Camera(matrix, pose, i.width, i.height, name)
+        return replace(self.lens, world_from_camera=pose, name=name)
 
     def save(self, path: Path) -> None:
         """Write the file whole or not at all; raises :class:`OutputError`."""
+        (fx, _, cx), (_, fy, cy), _ = self.lens.K.tolist()
+        size = {"width": self.lens.width, "height": self.lens.height}
         body = {
-            _KEYS[self.mount]: self.transform.tolist(),
-            "intrinsics": vars(self.intrinsics),
+            _KEYS[self.mount]: self.lens.world_from_camera.tolist(),
+            "intrinsics": {"fx": fx, "fy": fy, "cx": cx, "cy": cy, **size},
             "serial": self.serial,
             "rmse": self.rmse,
             "convention": CONVENTION,
@@ -109,10 +87,9 @@ class Calibration:
         try:
             if body["convention"] != CONVENTION:
                 raise ValueError(f"the convention {body['convention']!r} is not ours")
-            transform = np.array(body[_KEYS[mount]], dtype=np.float64)
-            intrinsics = Intrinsics(**body["intrinsics"])
-            made = cls(transform, intrinsics, str(body["serial"]), float(body["rmse"]), mount)
-        except (KeyError, TypeError, ValueError) as error:
+            pose, lens = np.array(body[_KEYS[mount]], dtype=np.float64), body["intrinsics"]
+            made = cls(pinhole(pose=pose, **lens), str(body["serial"]), float(body["rmse"]), mount)
+        except (KeyError, TypeError, ValueError, GeometryError) as error:
             raise RobotError(
                 f"The calibration {path} lacks or has a wrong {error}. Calibrate again."
             ) from error
@@ -122,3 +99,11 @@ class Calibration:
                 "Calibrate this one, or plug in the other."
             )
         return made
+
+
+def pinhole(
+    fx: float, fy: float, cx: float, cy: float, width: int, height: int, pose: FloatArray | None = None
+) -> Camera:
+    """A camera of these pixels, the principal point counted from the image's upper left corner."""
+    matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    return Camera(matrix, np.eye(4) if pose is None else pose, width, height)

@@ -91,6 +91,30 @@ class ArmConfig(ComponentConfig):
 
 
 @dataclass
+class PandaArm(ArmConfig):
+    """Franka's Panda, whose description comes with gvla2 (Apache-2.0); its world sets base, table and workspace."""
+
+    urdf: str = "package://gvla2/robot/descriptions/panda/panda.urdf"
+    srdf: str = "package://gvla2/robot/descriptions/panda/panda.srdf"
+    tool_link: str = "panda_hand"
+    tool_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.1034])
+    gripper_joints: list[str] = field(default_factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"])
+    hand: dict[str, float] = field(
+        default_factory=lambda: {
+            "max_width": 0.08,
+            "finger_length": 0.1129 - 0.066,  # fingertips' end and palm's end from the hand's frame
+            "finger_thickness": 0.0152,
+            "finger_breadth": 0.022,
+            "tip_beyond_tcp": 0.1129 - 0.1034,
+            "palm_breadth": 0.204,
+            "palm_depth": 0.063,
+        }
+    )
+    home: list[float] = field(default_factory=lambda: [0.0, 0.1745, 0.0, -0.8727, 0.0, 1.2217, 0.7854])
+    ease: float = 0.0
+
+
+@dataclass
 class WorkcellConfig(ArmConfig):
     """Options of a simulated arm at a table; metres, radians. Base of a simulated robot's configuration.
 

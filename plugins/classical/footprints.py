@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from gvla2.perception.clusters import without_specks
+from gvla2.planning.colours import appearance
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.pixels import (
     IntArray,
     Pixels,
     TableFrame,
-    appearance_of,
     choose,
     groups,
     join_across_views,
@@ -98,7 +98,7 @@ def unlike_table(frame: TableFrame, plane: NDArray[np.bool_]) -> NDArray[np.bool
     table = np.median(evenly(colours[near], 5000), axis=0) if near.any() else table
     other = frame.image != np.rint(table).astype(np.uint8)
     different: NDArray[np.bool_] = plane & (other[..., 0] | other[..., 1] | other[..., 2])
-    look = appearance_of(np.vstack([frame.image[different], table[None]]) / 255.0)
+    look = appearance(np.vstack([frame.image[different], table[None]]) / 255.0)
     different[different] = np.linalg.norm(look[:-1] - look[-1], axis=1) > OTHER_LOOK
     return different
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.cluster.vq import kmeans2
 from scipy.spatial import cKDTree
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.geometry.views import Views
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.fitting import Sights, sights_of
@@ -31,6 +31,7 @@ WHOLE = 0.8  # share of a body's pixels on a scan from which the rest are its ed
 def known_objects(
     labellers: Sequence[Labeller],
     frames: Sequence[TableFrame],
+    world_from_table: FloatArray,
     raised: Sequence[NDArray[np.bool_]],
     views: Views,
     height: float,
@@ -50,7 +51,7 @@ def known_objects(
     accepted: list[Recognised] = []
     for layer in range(LAYERS + 1):
         pixels = choose(frames, left)
-        points = transform_points(invert_rigid(frames[0].frame_from_world), pixels.points)
+        points = transform_points(world_from_table, pixels.points)
         explained = np.zeros(len(points), dtype=bool)
         found: list[tuple[Recognised, NDArray[np.bool_]]] = []
         if layer == 0:

@@ -16,7 +16,7 @@ from gvla2.perception.frames import check_workspace
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import MOST_POINTS, colour_word, new_ids, numbered, over_workspace, true_colour
 from gvla2.perception.options import labellers
-from gvla2.perception.registration import agreed, find_table
+from gvla2.perception.registration import agreed
 from gvla2.planning.scene import Box, Scene, SceneObject, Shape
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
@@ -69,19 +69,17 @@ class ClassicalPerceiver:
         check_workspace(workspace)
         views = agreed(observation.views, workspace)
         err = views is not observation.views
-        frames, notes = usable_frames(views, least=3 if err else 2)
+        frames, table, notes = usable_frames(views, workspace, least=3 if err else 2)
         if err:
             notes.append("The cameras' poses disagreed and were corrected.")
-        table = find_table([frame.points[np.isfinite(frame.depth)] for frame in frames], workspace)
         table_from_world = table.frame(workspace)
-        frames = [frame.moved(table_from_world) for frame in frames]
+        back = invert_rigid(table_from_world)
         hand = transform_points(table_from_world, observation.world_from_tcp[:3, 3])
         height = table.height_over(workspace)
         # The table's frame has its origin under the middle of the workspace.
         half = 0.5 * (workspace.high - workspace.low)[:2]
         room = np.array([*half + BORDER, workspace.high[2] - height])
-        known, objects, named = self._find(frames, views, height, table.noise, room, hand)
-        back = invert_rigid(table_from_world)
+        known, objects, named = self._find(frames, back, views, height, table.noise, room, hand)
         world = [
             replace(o, world_from_object=back @ o.world_from_object, points=transform_points(back, o.points))
             for o in named
@@ -97,6 +95,7 @@ class ClassicalPerceiver:
     def _find(
         self,
         frames: Sequence[TableFrame],
+        world_from_table: FloatArray,
         views: Views,
         height: float,
         noise: float,
@@ -118,7 +117,9 @@ class ClassicalPerceiver:
         flat = [mask | other for mask, other in zip(flat, different, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         connected = config.jump, reach, config.min_points
-        known, left = known_objects(self._labellers, frames, raised, views, height, *connected)
+        known, left = known_objects(
+            self._labellers, frames, world_from_table, raised, views, height, *connected
+        )
         pixels = choose(frames, left)
         objects: list[SeenObject] = []
         if len(pixels):
@@ -161,8 +162,6 @@ def _carried_notes(objects: Sequence[SeenObject], ids: dict[str, str]) -> list[s
             notes.append(f"{own} stands on {carrier}.")
         elif own and obj.floating:
             notes.append(f"{own} does not stand on anything that is seen.")
-        if own and obj.guessed:
-            notes.append(f"How deep {own} is was not seen; it is taken to be as deep as wide.")
     return sorted(notes)
 
 
@@ -173,7 +172,6 @@ def described(pixels: Pixels, objects: Sequence[SeenObject], prefix: str) -> lis
     for k, obj in enumerate(objects):
         rgb = true_colour(pixels.rgb[obj.members])
         colour, sure = colour_word(rgb)
-        seen = 0.8 * obj.agreement if obj.guessed else obj.agreement
         named.append(
             SceneObject(
                 f"{prefix}{k}",
@@ -185,7 +183,7 @@ def described(pixels: Pixels, objects: Sequence[SeenObject], prefix: str) -> lis
                 evenly(obj.points, MOST_POINTS),
                 rgb,
                 parent=f"{prefix}{belongs[k]}" if belongs[k] >= 0 else "",
-                confidence=round(float(np.clip(seen, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3),
+                confidence=round(float(np.clip(obj.agreement, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3),
                 opening=obj.opening,
             )
         )

@@ -17,11 +17,13 @@ from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, di
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.perception.clusters import connected
 from gvla2.perception.frames import usable_views
+from gvla2.perception.registration import TablePlane, find_table
 from gvla2.planning.colours import LIGHTNESS_WEIGHT, appearance
+from gvla2.planning.scene import Box
 from gvla2_plugins.classical import ClassicalConfig
 
 IntArray = NDArray[np.int64]
@@ -32,12 +34,11 @@ COLOUR_NOISE = 12.0  # levels of 255: neighbours that differ by much less are av
 
 @dataclass(frozen=True)
 class TableFrame:
-    """One view, ready to use.
+    """One view, ready to use, in the table's frame: its top at z = 0.
 
     ``image`` (H, W, 3) uint8; ``depth`` (H, W) metres, NaN where nothing is known or where the robot is;
     ``rays`` (H, W, 3) directions whose multiple by depth, added to ``origin`` (3,), is the seen point; ``points``
-    (H, W, 3), NaN where depth is. All in the frame of ``frame_from_world`` (4, 4): the world at first, the table's (its
-    top at z = 0) later.
+    (H, W, 3), NaN where depth is.
     """
 
     camera: Camera
@@ -46,42 +47,36 @@ class TableFrame:
     origin: FloatArray
     rays: FloatArray
     points: FloatArray
-    frame_from_world: FloatArray
-
-    def moved(self, to_from_here: FloatArray) -> TableFrame:
-        """The same view in another frame, given by a rigid (4, 4)."""
-        rays = self.rays @ to_from_here[:3, :3].T
-        origin = transform_points(to_from_here, self.origin)
-        points = origin + rays * self.depth[..., None]
-        frame_from_world = to_from_here @ self.frame_from_world
-        return replace(self, origin=origin, rays=rays, points=points, frame_from_world=frame_from_world)
 
     def project(self, points: FloatArray) -> tuple[NDArray[np.bool_], IntArray, IntArray, FloatArray]:
-        """Which of points (N, 3) in its frame the picture holds, (N,), and of those the rows, columns and depths."""
-        world = transform_points(invert_rigid(self.frame_from_world), points)
-        uv, depth = self.camera.project(world)
+        """Which of points (N, 3) the picture holds, (N,), and of those the rows, columns and depths."""
+        uv, depth = self.camera.project(points)
         inside = self.camera.inside(uv)
         columns, rows = uv[inside].astype(np.int64).T
         return inside, rows, columns, depth[inside]
 
 
-def usable_frames(views: Views, least: int) -> tuple[list[TableFrame], list[str]]:
-    """Frames in the world's frame, and a sentence for each view that cannot be used.
+def usable_frames(views: Views, workspace: Box, least: int) -> tuple[list[TableFrame], TablePlane, list[str]]:
+    """Frames, the table, and a sentence for each view that cannot be used.
 
     Pixels of which fewer than ``least`` of eight neighbours are at their depth are left out. Raises
-    :class:`PerceptionError` when no view is left.
+    :class:`PerceptionError` when no view is left, or without a level plane under the workspace.
     """
     usable, notes = usable_views(views)
+    for _, depth, _ in usable:
+        depth[_support(depth) < least] = np.nan
+    clouds = [view.camera.backproject(depth)[np.isfinite(depth)] for view, depth, _ in usable]
+    table = find_table(clouds, workspace)
     frames = []
     for view, depth, _ in usable:
-        depth[_support(depth) < least] = np.nan
-        origin, rays = view.camera.rays()
+        pose = table.frame(workspace) @ view.camera.world_from_camera
+        camera = replace(view.camera, world_from_camera=pose)
+        origin, rays = camera.rays()
         image = view.image
         if np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0:  # less sensor noise; edges stay
             image = np.asarray(cv2.bilateralFilter(image, 5, COLOUR_NOISE, 1.5))
-        points = origin + rays * depth[..., None]
-        frames.append(TableFrame(view.camera, image, depth, origin, rays, points, np.eye(4)))
-    return frames, notes
+        frames.append(TableFrame(camera, image, depth, origin, rays, origin + rays * depth[..., None]))
+    return frames, table, notes
 
 
 def _support(depth: FloatArray) -> IntArray:
@@ -94,7 +89,7 @@ def _support(depth: FloatArray) -> IntArray:
 
 
 def seen_through(frames: Sequence[TableFrame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:
-    """(N,) bool: points (N, 3), in the frames' own frame, that some camera looked through to something behind.
+    """(N,) bool: points (N, 3) that some camera looked through to something behind.
 
     A point nearer than ``margin`` metres to the surface behind it does not count.
     """
@@ -107,7 +102,7 @@ def seen_through(frames: Sequence[TableFrame], points: FloatArray, margin: float
 
 @dataclass(frozen=True)
 class Pixels:
-    """N pixels: ``view``, ``row``, ``column`` (N,); ``points`` (N, 3) in the frames' frame, metres; ``rgb`` (N, 3)
+    """N pixels: ``view``, ``row``, ``column`` (N,); ``points`` (N, 3) metres; ``rgb`` (N, 3)
     in [0, 1]; ``look`` (N, 3) colour coordinates (see ``gvla2.planning.colours``); ``maps`` one (H, W) a view, the
     pixel's place in the list or -1.
     """
@@ -151,7 +146,7 @@ def choose(
     rgb = np.concatenate([frame.image[at] for frame, at in shown]) / 255.0
     view = np.repeat(np.arange(len(spots)), np.diff(starts))
     row, column = np.concatenate(spots, axis=1)
-    return Pixels(view, row, column, np.concatenate(points), rgb, appearance_of(rgb), maps)
+    return Pixels(view, row, column, np.concatenate(points), rgb, appearance(rgb), maps)
 
 
 def plane_crossings(frame: TableFrame, rows: IntArray, columns: IntArray, height: float = 0.0) -> FloatArray:
@@ -159,14 +154,6 @@ def plane_crossings(frame: TableFrame, rows: IntArray, columns: IntArray, height
     rays = frame.rays[rows, columns]
     slope = np.where(np.abs(rays[:, 2]) > 1e-6, rays[:, 2], np.nan)
     return np.asarray(frame.origin + rays * ((height - frame.origin[2]) / slope)[:, None])
-
-
-def appearance_of(rgb: FloatArray) -> FloatArray:
-    """``appearance`` (N, 3) of colours (N, 3), worked out once a distinct colour."""
-    packed: IntArray = np.ravel_multi_index(tuple(np.rint(rgb * 255).astype(np.int64).T), (256, 256, 256))
-    distinct, inverse = np.unique(packed, return_inverse=True)
-    table = np.stack([distinct >> 16, (distinct >> 8) & 255, distinct & 255], axis=1) / 255.0
-    return np.asarray(appearance(table)[inverse])
 
 
 LIKE = 14.0  # hues of pieces of one object differ by less
@@ -266,7 +253,7 @@ def grow_down(
         current = mask | (binary_fill_holes(binary_closing(mask)) & near & other)
         fresh = binary_dilation(current, iterations=DEEP, mask=current | (near & other)) & ~current
         nearest = distance_transform_edt(~current, return_distances=False, return_indices=True)
-        looks = [appearance_of(frame.image[at] / 255.0) for at in (fresh, tuple(nearest[:, fresh]))]
+        looks = [appearance(frame.image[at] / 255.0) for at in (fresh, tuple(nearest[:, fresh]))]
         fresh[fresh] = np.linalg.norm(looks[0] - looks[1], axis=1) < 0.5 * colour_step
         grown.append(current | fresh)
     return grown

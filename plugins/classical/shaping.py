@@ -29,13 +29,11 @@ from gvla2_plugins.classical.solids import (
     solid,
     sphere_distance,
     spread_out,
-    upright_rectangle,
 )
 
 MOST_FREE, MOST_RAYS = 150, 40  # free points and outermost rays that are kept of one view
 BEFORE = 0.006  # metres in front of a measured surface where a ray is certainly free
 ALONG = np.linspace(-0.006, 0.010, 9)  # metres about a measured depth, along the ray
-WIDEST_HELD = 0.10  # metres: a hand that hides an object holds no wider one
 FLAT = 0.03  # metres: a ring is no higher
 NARROWEST = 0.008  # metres: a smaller hole is no hole that is seen
 THICK, FLOOR = 0.016, 0.02  # metres: no wall and no floor is thicker
@@ -88,28 +86,6 @@ def hangs(frames: Sequence[TableFrame], points: FloatArray, lowest: float, gap: 
     heights = np.linspace(0.2, 0.6, 3) * lowest
     columns = np.concatenate([np.column_stack([xy, np.full(len(xy), z)]) for z in heights])
     return bool(seen_through(frames, columns).mean() > 0.1)
-
-
-def completed(frames: Sequence[TableFrame], pixels: Pixels, obj: SeenObject) -> SeenObject:
-    """A hanging box that seems shallow is taken to be as deep as it is wide, where that is not known to be free:
-    the hand hides the rest of what it holds, often all but one face.
-    """
-    narrow = int(np.argmin(obj.extents[:2]))
-    wide, shallow = float(obj.extents[1 - narrow]), float(obj.extents[narrow])
-    boxed = obj.floating and obj.kind in ("box", "other")
-    if not boxed or shallow > 0.85 * wide or wide > WIDEST_HELD:
-        return obj
-    views = np.unique(pixels.view[obj.members])
-    cameras = obj.local(np.mean([frames[v].origin for v in views], axis=0))
-    away = -1.0 if cameras[narrow] > 0 else 1.0
-    shares = [np.linspace(-0.4, 0.4, 5)] * 3
-    shares[narrow] = away * (0.5 + np.linspace(0.2, 0.9, 4) * (wide / shallow - 1.0))
-    if seen_through(frames, obj.grid(*shares)).mean() > 0.1:
-        return obj
-    yaw, width, depth = upright_rectangle(obj.yaw, wide, wide)
-    extents = np.array([width, depth, obj.extents[2]])
-    centre = obj.centre + 0.5 * away * (wide - shallow) * obj.pose[:3, narrow]
-    return replace(obj, kind="box", centre=centre, extents=extents, yaw=yaw, guessed=True)
 
 
 def sees_into(frames: Sequence[TableFrame], obj: SeenObject, share: float = 0.4) -> bool:
@@ -267,7 +243,7 @@ def shape_object(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray
         yaw, middle, lengths = narrow_yaw(obj.points[:, :2], trim=0.5)
         lengths = np.maximum(lengths, THIN)
         obj = obj.posed("other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
-    return completed(frames, pixels, obj)
+    return obj
 
 
 def _hollow(

@@ -30,7 +30,7 @@ class SeenObject:
 
     ``members`` (N,) its pixels in the list; ``points`` (N, 3); ``centre``, ``yaw``, ``extents`` its upright box;
     ``agreement`` in [0, 1] how well the solid explains the points; ``hollow``: one sees into it; ``floating``: free
-    space was seen under it; ``guessed``: how deep it is was not seen; ``lowest`` height of its seen points;
+    space was seen under it; ``lowest`` height of its seen points;
     objects of one ``group`` were one before a split by height; ``on`` is the index of the object that carries
     it, -1 for the table; ``part_of`` that of the object that it is known to be a part of, and ``noun`` what it is known
     to be, "" if it is named by its shape; ``textured``: its paint separates no parts; ``opening`` its inner width,
@@ -46,7 +46,6 @@ class SeenObject:
     agreement: float
     hollow: bool = False
     floating: bool = False
-    guessed: bool = False
     lowest: float = 0.0
     group: int = -1
     on: int = -1

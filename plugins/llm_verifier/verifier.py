@@ -112,6 +112,6 @@ def _problem(answer: Completion | LanguageModelError) -> str:
         return str(answer)
     if answer.text.strip():
         return ""
-    if answer.finish == "length" or answer.reasoning:
+    if answer.finish == "length":
         return "The model spent all its tokens on reasoning and gave no answer: raise max_tokens."
     return "The model's answer was empty."

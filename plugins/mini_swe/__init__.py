@@ -116,8 +116,8 @@ class _Bridge:
         )
         answer = self.language.complete(request, purpose="agent")
         counted = {
-            "prompt_tokens": answer.usage.prompt_tokens,
-            "completion_tokens": answer.usage.completion_tokens,
+            "prompt_tokens": answer.prompt_tokens,
+            "completion_tokens": answer.completion_tokens,
         }
         self.usage.update(calls=1, **counted)
         # A lone surrogate can be neither sent back nor stored.

@@ -111,7 +111,7 @@ def power_up(link: PiperLink) -> Snapshot:
             link.joint_mode()
             link.move_joints(seen.joints)
         time.sleep(0.02)
-        why = seen.foreign or seen.unbelievable
+        why = seen.foreign or seen.unbelievable or link.gate.trouble
         if elapsed > ENABLE_SECONDS:
             off = [i + 1 for i, on in enumerate(seen.enabled) if not on]
             why = f"the motors of joints {off} stayed off" if off else "no CAN control"

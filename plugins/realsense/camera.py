@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
+from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
-from gvla2.robot.calibration import Calibration, Intrinsics
+from gvla2.robot.calibration import Calibration, pinhole
 from gvla2_plugins.realsense import RealsenseConfig
 
 TOLERANCE = 0.02
@@ -60,18 +61,27 @@ class RealsenseCamera:
         self._timeout = config.timeout
         self._align, self._queue, self._last = rs.align(rs.stream.color), rs.syncer(), [-1, -1]
         self._running: list[Any] = []
-        size = calibration.intrinsics.width, calibration.intrinsics.height
+        size = calibration.lens.width, calibration.lens.height
         colour = self._profile(rs.stream.color, rs.format.rgb8, size, config.fps, "colour")
         depth = self._profile(rs.stream.depth, rs.format.z16, size, config.fps, "depth")
         self._sizes, self._period = [_size(profile) for _, profile in (colour, depth)], 1.0 / config.fps
         given = colour[1].as_video_stream_profile().get_intrinsics()
         # librealsense counts from the first pixel's centre, we from its corner.
         centre = float(given.ppx) + 0.5, float(given.ppy) + 0.5
-        self.intrinsics = Intrinsics(float(given.fx), float(given.fy), *centre, *size)
-        _agree(self.intrinsics, calibration, path)
+        lens = pinhole(float(given.fx), float(given.fy), *centre, *size, calibration.lens.world_from_camera)
+        off = np.abs(lens.K - calibration.lens.K)[:2] / np.maximum(
+            calibration.lens.K[:2], np.c_[size, size, size]
+        )
+        if off.max() > TOLERANCE:  # another mode crops, and moves the centre
+            raise RobotError(
+                f"The camera '{self.serial}' has other intrinsics than its calibration {path} says: "
+                f"{lens.K[:2].round(1).tolist()} for {calibration.lens.K[:2].round(1).tolist()} pixels. Calibrate "
+                "again, in the mode that is to be used."
+            )
+        self.calibration = replace(self.calibration, lens=lens)
         self._lens = lens_of(rs, given)
         try:
-            self._shift, self._share = _colour_axis(depth[1].get_extrinsics_to(colour[1]), self.intrinsics)
+            self._shift, self._share = _colour_axis(depth[1].get_extrinsics_to(colour[1]), lens)
             by_sensor: dict[str, tuple[Any, list[Any]]] = {}  # some have one sensor for both
             for sensor, profile in (colour, depth):
                 name = sensor.get_info(rs.camera_info.name)
@@ -99,8 +109,7 @@ class RealsenseCamera:
 
         Raises :class:`RobotError` when the camera was unplugged, is frozen, or changes its pictures' size.
         """
-        placed = replace(self.calibration, intrinsics=self.intrinsics)
-        camera = placed.camera(f"realsense-{self.serial}", base_from_tcp)
+        camera = self.calibration.camera(f"realsense-{self.serial}", base_from_tcp)
         frames, exposed = self._next(time.time())
         aligned = self._align.process(frames)
         image = np.array(np.asanyarray(aligned.get_color_frame().get_data()))  # the frame's memory goes back
@@ -181,32 +190,16 @@ def lens_of(rs: Any, given: Any) -> tuple[NDArray[np.float32], NDArray[np.float3
     return np.ascontiguousarray(x), np.ascontiguousarray(y)
 
 
-def _colour_axis(extrinsics: Any, intrinsics: Intrinsics) -> tuple[float, FloatArray]:
+def _colour_axis(extrinsics: Any, lens: Camera) -> tuple[float, FloatArray]:
     """What turns depths z_d along the depth sensor's axis into z_c along the colour camera's: shift, share (H, W).
 
     With colour_from_depth = (R, t), a point z_c r on the ray r of a colour pixel has z_d = R_3 . (z_c r - t), where
     R_3 is the third column of R. The shift is R_3 . t in metres, the share R_3 . r.
     """
     column = np.array(extrinsics.rotation[6:9], dtype=np.float64)  # librealsense stores column after column
-    u, v = np.meshgrid(np.arange(intrinsics.width) + 0.5, np.arange(intrinsics.height) + 0.5)
-    rays = np.stack([(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy], -1)
+    u, v = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5)
+    rays = np.stack([(u - lens.K[0, 2]) / lens.K[0, 0], (v - lens.K[1, 2]) / lens.K[1, 1]], -1)
     return float(column @ np.array(extrinsics.translation)), rays @ column[:2] + column[2]
-
-
-def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
-    """The camera must measure as it did when it was calibrated: another mode crops, and moves the centre."""
-    wanted = calibration.intrinsics
-    most = {"fx": wanted.fx, "fy": wanted.fy, "cx": wanted.width, "cy": wanted.height}
-    off = [
-        f"{name} {getattr(stream, name):.1f} for {getattr(wanted, name):.1f}"
-        for name, by in most.items()
-        if abs(getattr(stream, name) - getattr(wanted, name)) > TOLERANCE * by
-    ]
-    if off:
-        raise RobotError(
-            f"The camera '{calibration.serial}' has other intrinsics than its calibration {path} says: "
-            f"{', '.join(off)} pixels. Calibrate again, in the mode that is to be used."
-        )
 
 
 def load() -> Any:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.robot.options import WorkcellConfig
+from gvla2.robot.options import PandaArm, WorkcellConfig
 
 if TYPE_CHECKING:
     from gvla2.robot.backend import RobotBackend
@@ -39,7 +39,7 @@ class SapienArmConfig(WorkcellConfig):
 
 
 @dataclass
-class SapienPandaConfig(SapienArmConfig):
+class SapienPandaConfig(PandaArm, SapienArmConfig):
     """``sapien_arm`` set for Franka's Panda, whose description comes with gvla2 (Apache-2.0).
 
     The home position (0.279, -0.009, 1.472) published with the field's task suite refers to a point 20.9 mm further up
@@ -48,24 +48,6 @@ class SapienPandaConfig(SapienArmConfig):
     """
 
     name: str = "sapien_panda"
-    urdf: str = "package://gvla2/robot/descriptions/panda/panda.urdf"
-    srdf: str = "package://gvla2/robot/descriptions/panda/panda.srdf"
-    tool_link: str = "panda_hand"
-    tool_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.1034])
-    gripper_joints: list[str] = field(default_factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"])
-    hand: dict[str, float] = field(
-        default_factory=lambda: {
-            "max_width": 0.08,
-            "finger_length": 0.1129 - 0.066,  # fingertips' end and palm's end from the hand's frame
-            "finger_thickness": 0.0152,
-            "finger_breadth": 0.022,
-            "tip_beyond_tcp": 0.1129 - 0.1034,
-            "palm_breadth": 0.204,
-            "palm_depth": 0.063,
-        }
-    )
-    home: list[float] = field(default_factory=lambda: [0.0, 0.1745, 0.0, -0.8727, 0.0, 1.2217, 0.7854])
-    ease: float = 0.0
     base_position: list[float] = field(default_factory=lambda: [-0.268, -0.006, 0.750])
     table_height: float = 0.752
     table_centre: list[float] = field(default_factory=lambda: [0.30, 0.0])

@@ -2,33 +2,27 @@
 
 import pytest
 
-from gvla2.language import MalformedAnswerError, Usage
+from gvla2.language import MalformedAnswerError
 from gvla2.language.endpoint import read_completion
 from tests.local_model import said
 
 
 @pytest.mark.parametrize(
-    ("content", "reasoning", "answer"),
+    ("content", "answer"),
     [
-        ("plain", "", "plain"),
-        ("<think>hm</think>yes", "hm", "yes"),
-        ("\n<think>\nhm\n</think>\n\nyes\n", "hm", "yes"),
-        ("the prompt opened it</think> yes", "the prompt opened it", "yes"),
-        ("<think>it quotes </think><score>A</score> and goes on</think><score>T</score>",
-         "it quotes </think><score>A</score> and goes on", "<score>T</score>"),
-        ("<think>never ends <score>A</score>", "never ends <score>A</score>", ""),
-        ("a literal <think> later", "", "a literal <think> later"),
-        ("", "", ""),
+        ("plain", "plain"),
+        ("<think>hm</think>yes", "yes"),
+        ("\n<think>\nhm\n</think>\n\nyes\n", "yes"),
+        ("the prompt opened it</think> yes", "yes"),
+        ("<think>it quotes </think><score>A</score> and goes on</think><score>T</score>", "<score>T</score>"),
+        ("<think>never ends <score>A</score>", ""),
+        ("a literal <think> later", "a literal <think> later"),
+        ("", ""),
     ],
-)  # fmt: skip
-def test_reasoning_is_kept_apart(content: str, reasoning: str, answer: str):
-    read = read_completion(said(content))
-    assert (read.reasoning, read.text) == (reasoning, answer)
-
-
-def test_reasoning_in_a_field_of_its_own():
-    read = read_completion(said("yes", reasoning="it is so"))
-    assert (read.reasoning, read.text) == ("it is so", "yes")
+)
+def test_reasoning_is_no_answer(content: str, answer: str):
+    assert read_completion(said(content)).text == answer
+    assert read_completion(said(content, reasoning="it is so")).text == answer
 
 
 @pytest.mark.parametrize(
@@ -64,7 +58,9 @@ def test_what_is_no_completion_is_malformed(body: object):
 
 def test_usage_is_counted_or_said_to_be_unknown():
     body = said("A")
-    assert read_completion(body).usage == Usage(100, 10, metered=True)
+    read = read_completion(body)
+    assert (read.prompt_tokens, read.completion_tokens, read.metered) == (100, 10, True)
     for damaged in (None, {}, {"prompt_tokens": -1, "completion_tokens": 2}, {"prompt_tokens": "9"}):
         body["usage"] = damaged
-        assert read_completion(body).usage == Usage(0, 0, metered=False)
+        read = read_completion(body)
+        assert (read.prompt_tokens, read.completion_tokens, read.metered) == (0, 0, False)

@@ -8,7 +8,7 @@ import pytest
 from gvla2.cli import main
 from gvla2.commands.run import build_components
 from gvla2.episode.loop import EpisodeRequest, run_episode
-from gvla2.robot.calibration import Calibration, Intrinsics
+from gvla2.robot.calibration import Calibration
 from gvla2_plugins.piper import PiperConfig
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.realsense import RealsenseConfig
@@ -21,10 +21,8 @@ from tests.plugins.synthetic_table import Scenery
 def hand_eye(tmp_path):
     """The hand-eye file of a camera that looks at a made-up table, and the view that it has."""
     view = Scenery(240).observe().views[0]
-    focal = float(view.camera.K[0, 0])
     path = tmp_path / "hand_eye.json"
-    size = Intrinsics(focal, focal, 120.0, 120.0, 240, 240)
-    Calibration(view.camera.world_from_camera, size, "f0123", 0.001).save(path)
+    Calibration(view.camera, "f0123", 0.001).save(path)
     return path, view
 
 

@@ -9,7 +9,7 @@ from PIL import Image
 from gvla2.cli import main
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import rigid
-from gvla2.robot.calibration import Calibration, Intrinsics
+from gvla2.robot.calibration import Calibration, pinhole
 from gvla2.testing.robot import check_camera
 from gvla2_plugins.replay_camera import ReplayConfig
 from gvla2_plugins.replay_camera.camera import ReplayCamera
@@ -21,8 +21,8 @@ POSE = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.1, 0.2, 0.3))
 
 def calibrated(folder, transform=POSE, size=SIZE, mount="eye_to_hand", K=None, **more):
     fx, fy, cx, cy = (60.0, 60.0, size[0] / 2, size[1] / 2) if K is None else K[(0, 1, 0, 1), (0, 1, 2, 2)]
-    intrinsics = Intrinsics(float(fx), float(fy), float(cx), float(cy), *size)
-    Calibration(transform, intrinsics, "f0123", 0.001, mount=mount).save(folder / "camera.json")
+    lens = pinhole(float(fx), float(fy), float(cx), float(cy), *size, transform)
+    Calibration(lens, "f0123", 0.001, mount=mount).save(folder / "camera.json")
     if more:
         file = folder / "camera.json"
         file.write_text(json.dumps(json.loads(file.read_text()) | more))

@@ -79,7 +79,8 @@ class MujocoArm:
     def _load(self, task: str | None) -> None:
         self.close()
         there = self.tasks()
-        if task not in there if there else task is not None:
+        unknown = task not in there if there else task is not None
+        if unknown:
             raise ConfigurationError(
                 f"robot={self._config.name} has no task '{task or 'none'}'.{did_you_mean(task or '', there)} "
                 f"`gvla2 tasks robot={self._config.name}` lists those that it has."

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.perception.articulated import MovingPart, joint_of, part_noun, with_parts
 from gvla2.perception.objects import object_of, opening_of
 from gvla2.planning.scene import PartJoint, Scene, SceneObject
@@ -44,9 +44,13 @@ def true_scene(world: World) -> Scene:
         name = model.body(root).name or f"body{root}"
         words = _words(name)
         whole = object_of(points, colours, world.table_height, 1.0, name)
-        whole = replace(whole, label=" ".join(words), opening=opening_of(points), confidence=1.0)
+        bottom, top = points[:, 2].min(), points[:, 2].max()  # known, unlike those of a perceived object
+        pose = rigid(whole.world_from_object[:3, :3], [*whole.centre[:2], 0.5 * (bottom + top)])
+        sides = np.array([*whole.extents[:2], max(top - bottom, 1e-3)])
+        whole = replace(whole, label=" ".join(words), world_from_object=pose, extents=sides)
+        whole = replace(whole, opening=opening_of(points), confidence=1.0, named_by="oracle")
         parts = [_part(world, owner, words, seen) for owner, (seen, _) in looks.items() if len(seen)]
-        objects += with_parts(replace(whole, named_by="oracle"), points, parts)
+        objects += with_parts(whole, points, parts)
     return Scene(tuple(objects), world.table_height, world.workspace, "oracle")
 
 
