@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gvla2.episode.evidence import correspond
-from gvla2.episode.record import EpisodeRecord, Failure
+from gvla2.episode.record import EpisodeRecord
 from gvla2.errors import PerceptionError, PlanningError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
@@ -64,13 +64,6 @@ def has_next_part(record: EpisodeRecord) -> bool:
     )
 
 
-def stop_at_limit(record: EpisodeRecord, max_parts: int) -> EpisodeRecord:
-    """The record of a program that would need more parts than allowed."""
-    left = f"{_listed(record.planned.plan.remaining)} would come next"
-    message = f"The program has more than {max_parts} parts: {left}. max_parts=NUMBER allows more."
-    return replace(record, failure=Failure("plan", "too_many_parts", message))
-
-
 def next_part(record: EpisodeRecord) -> EpisodeRecord:
     """The record of the next part, which holds the ones before; instruction, memory's answer and notes stay."""
     return record.afresh(parts=record.whole)
@@ -92,12 +85,12 @@ def _present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, st
 
     They are matched directly; objects that changed too much, via the scene in which that part ``ended``.
     """
-    found = {old: new.id for old, new in correspond(before, now).later.items()}
+    found = {old: new.id for old, new in correspond(before, now).items()}
     if ended is not None:
         midway, since = correspond(before, ended), correspond(ended, now)
         for obj in before.objects:
-            then = midway.of(obj.id)
-            later = since.of(then.id) if then is not None else None
+            then = midway.get(obj.id)
+            later = since.get(then.id) if then is not None else None
             if obj.id not in found and later is not None and later.id not in found.values():
                 found[obj.id] = later.id
     return found
@@ -165,17 +158,14 @@ def part_instruction(record: EpisodeRecord) -> str:
         return record.instruction
     given = set(record.instruction.casefold().replace(",", " ").replace(".", " ").split())
     objects = {o.id: o for o in scene.objects}
-    calls = plan.calls or (SkillCall(plan.skill or "go on", *_roles(plan)),)
+    theme, goal = plan.roles.get("theme", plan.roles.get("part", "")), plan.roles.get("goal", "")
+    calls = plan.calls or (SkillCall(plan.skill or "go on", theme, goal),)
     sentences = []
     for call in calls:
-        theme, goal = (_known(objects.get(name), given) for name in (call.theme, call.goal))
-        words = (call.skill, theme, call.relation.replace("_", " "), goal)
+        what, where = (_known(objects.get(name), given) for name in (call.theme, call.goal))
+        words = (call.skill, what, call.relation.replace("_", " "), where)
         sentences.append(" ".join(word for word in words if word))
     return "; ".join(sentences)
-
-
-def _roles(plan: Plan) -> tuple[str, str]:
-    return plan.roles.get("theme", plan.roles.get("part", "")), plan.roles.get("goal", "")
 
 
 def _known(obj: SceneObject | None, given: set[str]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,34 +36,17 @@ class RobotEvidence(Evidence):
     gripper_width: float
 
 
-@dataclass(frozen=True)
-class Correspondence:
-    """The later object of each earlier one; ids that are missing were not seen again."""
-
-    later: Mapping[str, SceneObject]
-
-    def of(self, object_id: str) -> SceneObject | None:
-        """The later match of the earlier object, or None."""
-        return self.later.get(object_id)
-
-
-def correspond(before: Scene, after: Scene) -> Correspondence:
-    """Match the objects of two perceived scenes one to one, with the least total difference.
+def correspond(before: Scene, after: Scene) -> dict[str, SceneObject]:
+    """The later object of each earlier one, by its id, with the least total difference; what is missing was not seen.
 
     Distance counts little, so that a moved object is found again; an unchanged place counts more than a changed label,
     so that its unmoved twin keeps its own identity. Painted regions match regions only.
     """
     if not before.objects or not after.objects:
-        return Correspondence({})
+        return {}
     cost = np.array([[_cost(a, b) for b in after.objects] for a in before.objects])
-    rows, columns = linear_sum_assignment(cost)
-    return Correspondence(
-        {
-            before.objects[i].id: after.objects[j]
-            for i, j in zip(rows, columns, strict=True)
-            if cost[i, j] < _UNMATCHED
-        }
-    )
+    pairs = zip(*linear_sum_assignment(cost), strict=True)
+    return {before.objects[i].id: after.objects[j] for i, j in pairs if cost[i, j] < _UNMATCHED}
 
 
 def _cost(first: SceneObject, second: SceneObject) -> float:

@@ -89,7 +89,7 @@ def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject |
     reached = tuple(
         Reached(r.index, r.stage, r.gripper_width, r.status == "guarded", r.error) for r in report.waypoints
     )
-    later = correspond(given.scene, after).of
+    later = correspond(given.scene, after).get
     return skill.diagnose(
         Outcome(given.plan, given.scene, theme, later, reached, stopped == "slipped", after)
     )

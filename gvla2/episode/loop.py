@@ -31,7 +31,6 @@ from gvla2.episode.attempts import (
     previous_attempt_stands,
     remaining_program,
     should_replan,
-    stop_at_limit,
 )
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.episode.lessons import memory_task, stories_of, transcript
@@ -90,7 +89,7 @@ class Components:
 class EpisodeRequest:
     """One episode to run. Without ``instruction`` the task words its own by the seed; ``source`` identifies the run.
 
-    A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
+    After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
     there is a fallback; 0 waits for ever.
     """
@@ -101,7 +100,6 @@ class EpisodeRequest:
     source: str = ""
     replan: int = 0
     planner_timeout: float = 60.0
-    max_parts: int = 6
 
 
 class EpisodeListener(Protocol):
@@ -177,7 +175,7 @@ def run_episode(
     once = counted(once)
     again = tuple(entry for entry in once if entry[0] != "recall")  # its answer stays
     record = _go_through((("setup", lambda r: _set_up(r, components, request)), *once), record, listener)
-    record = _to_the_end(record, again, request.max_parts, listener)
+    record = _to_the_end(record, again, listener)
     for _ in range(request.replan):
         if not should_replan(record, components.skills):
             break
@@ -186,7 +184,7 @@ def run_episode(
             broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
             record = record if broken else previous_attempt_stands(record)
             break
-        record = _to_the_end(record, again, request.max_parts, listener)
+        record = _to_the_end(record, again, listener)
     closing: _Stages = (
         ("learn", lambda r: _learn(r, components)),
         ("success_check", lambda r: _check_success(r, components)),
@@ -197,13 +195,9 @@ def run_episode(
 _Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
 
 
-def _to_the_end(
-    record: EpisodeRecord, stages: _Stages, max_parts: int, listener: EpisodeListener
-) -> EpisodeRecord:
+def _to_the_end(record: EpisodeRecord, stages: _Stages, listener: EpisodeListener) -> EpisodeRecord:
     """Carry out the rest of an attempt's program, part by part, until it is done or a part fails."""
     while has_next_part(record):
-        if len(record.whole) >= max_parts:
-            return stop_at_limit(record, max_parts)
         record = _go_through(stages, next_part(record), listener)
     return record
 

@@ -27,7 +27,7 @@ FailureKind = Literal[
     # not carried out
     "error", "unavailable", "crashed", "interrupted", "simulation",
     # perception and planning
-    "perception", "timeout", "invalid_plan", "rejected", "too_many_parts", AbstentionKind,
+    "perception", "timeout", "invalid_plan", "rejected", AbstentionKind,
     # execution and its judgement
     AbortCode, "not_achieved", "goal_not_reached",
 ]  # fmt: skip

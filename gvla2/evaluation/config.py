@@ -113,32 +113,6 @@ class ReconstructionBench(BranchBench):
 
 
 @dataclass
-class SimulatedBench(BenchConfig):
-    """What suites on a simulated robot share.
-
-    ``tasks`` by name, with ``task_options`` by theirs (``task_options.open_jar.turn=175``); ``episodes`` layouts for
-    each seed; ``scale`` is the objects' size.
-    """
-
-    tasks: list[str] = field(default_factory=list)
-    task_options: dict[str, Any] = field(default_factory=dict)
-    episodes: int = 25
-    scale: float = 1.0
-    depth_noise: DepthNoise = field(default_factory=DepthNoise)
-    robot: ComponentConfig = field(default_factory=ComponentConfig)
-    camera: ComponentConfig = field(default_factory=ComponentConfig)
-    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
-    language: ComponentConfig = field(default_factory=ComponentConfig)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require(
-            (self.episodes >= 1, "episodes is 1 or more."),
-            (0.25 <= self.scale <= 4, "scale lies in [0.25, 4]."),
-        )
-
-
-@dataclass
 class MemoryArms(BenchConfig):
     """Arms that differ in their memory, with the components that memories use.
 
@@ -173,17 +147,18 @@ class MemoryArms(BenchConfig):
 
 
 @dataclass
-class RobotBench(MemoryArms, SimulatedBench, BranchBench):
+class RobotBench(MemoryArms, BranchBench):
     """Every task x arm x layout, judged by both profiles.
 
-    ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn. ``arms`` are by
-    default ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of every task belong
-    to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a different world.
+    ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn; ``task_options``
+    go by their names (``task_options.open_jar.turn=175``), ``scale`` is the objects' size. ``arms`` are by default
+    ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of every task belong to
+    ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a different world.
     Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves.
 
     Experience comes from ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
     spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
-    an episode. ``replan`` further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where
+    an episode. ``replan`` further attempts are allowed in an episode of the test; where
     the planner fails, ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose
     planner takes longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the
     next bench measures it again. The reconstruction branch runs where a ``reconstructor`` is chosen.
@@ -194,6 +169,14 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     """
 
     suite: str = "robot"
+    tasks: list[str] = field(default_factory=list)
+    task_options: dict[str, Any] = field(default_factory=dict)
+    episodes: int = 25
+    scale: float = 1.0
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    robot: ComponentConfig = field(default_factory=ComponentConfig)
+    camera: ComponentConfig = field(default_factory=ComponentConfig)
+    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
     world: str = "plain"
     families: int = 2
     layouts: list[int] = field(default_factory=list)
@@ -201,7 +184,6 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     exploration: float = 0.25
     exploration_replan: int = 0
     replan: int = 0
-    max_parts: int = 6
     planner_timeout: float = 0.0
     films: str = "none"
     groups: dict[str, list[str]] = field(default_factory=dict)
@@ -218,7 +200,8 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
             (self.films in ("none", "failures", "all"), f"films is '{self.films}'; it is none, failures or all."),
             (not below, f"{', '.join(below)} must not be negative."),
             (min(self.layouts, default=0) >= 0, "layouts must not be negative."),
-            (min(self.families, self.max_parts) >= 1, "families and max_parts are 1 or more."),
+            (min(self.episodes, self.families) >= 1, "episodes and families are 1 or more."),
+            (0.25 <= self.scale <= 4, "scale lies in [0.25, 4]."),
             (0 <= self.planner_timeout < math.inf, "planner_timeout is in seconds, finite, not negative (0: off)."),
             (0 <= self.exploration <= 1, "exploration lies in [0, 1]."),
         )  # fmt: skip
@@ -227,13 +210,6 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     def usual_arms(self) -> list[str]:
         """Off, on, and the controls."""
         return ["off", "on", "shuffled", "semantic"]
-
-
-@dataclass
-class PerceptionBench(SimulatedBench):
-    """Every task x layout; ``tasks`` are all that need no option by default."""
-
-    suite: str = "perception"
 
 
 @dataclass
@@ -259,7 +235,6 @@ SUITES: Mapping[str, type[BenchConfig]] = MappingProxyType(
     {
         "reconstruction": ReconstructionBench,
         "robot": RobotBench,
-        "perception": PerceptionBench,
         "agents": AgentsBench,
     }
 )

@@ -10,13 +10,14 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
 from gvla2.planning.arm import Arm
 from gvla2.planning.effects import Effect
-from gvla2.planning.plan import Abstention, AbstentionKind, Candidate, Plan
+from gvla2.planning.plan import Abstention, AbstentionKind, Candidate, Plan, RefusedError
 from gvla2.planning.programs import Program
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.skill import Skill
 
 __all__ = [
     "Abstention", "AbstentionKind", "Advice", "Candidate", "Done", "Perceiver", "Plan", "PlanRequest", "Planner",
+    "RefusedError",
 ]  # fmt: skip
 
 

@@ -10,7 +10,7 @@ far a cap must be turned cannot be seen, that it is the gray lid of a red jar ca
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
@@ -193,20 +193,18 @@ def reconciled(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     what succeeded; those that exclude each other even then, or without any success, are left out.
     """
     given = tuple(effects)
-    moved = [_admitting(e, given) if isinstance(e, Bound) and _excluded(e, given) else e for e in given]
+    moved = list(given)
+    for k, bound in enumerate(given):
+        if isinstance(bound, Bound) and _excluded(bound, given):
+            good = [
+                e.value for e in given if isinstance(e, Prior) and e.count > 0 and _about(e) == _about(bound)
+            ]
+            moved[k] = replace(bound, value=(min if bound.op == ">=" else max)([bound.value, *good]))
     return tuple(e for e in moved if not (isinstance(e, Bound) and _excluded(e, moved)))
 
 
 def _about(effect: Bound | Prior) -> tuple[str, ...]:
     return effect.parameter, effect.skill, effect.object, effect.scale
-
-
-def _admitting(bound: Bound, others: Sequence[Effect]) -> Bound:
-    succeeded = [
-        e.value for e in others if isinstance(e, Prior) and e.count > 0 and _about(e) == _about(bound)
-    ]
-    loosest = min if bound.op == ">=" else max
-    return replace(bound, value=loosest([bound.value, *succeeded]))
 
 
 def _excluded(bound: Bound, others: Iterable[Effect]) -> bool:

@@ -239,16 +239,9 @@ def joined(theme: SceneObject, scene: Scene) -> tuple[SceneObject, Scene]:
     """The uppermost of the objects in one piece with ``theme``, which can be grasped, and the scene with the others as
     its parts; the parts of other objects stay theirs.
     """
-    one = {theme.id}
-    grown = True
-    while grown:
-        grown = False
-        for other in scene.objects:
-            if other.id in one or other.parent or other.shape == "region":
-                continue
-            if any(_one_piece(scene[i], other) for i in one):
-                one.add(other.id)
-                grown = True
+    one, wholes = {theme.id}, [o for o in scene.objects if not o.parent and o.shape != "region"]
+    for _ in wholes:  # what belongs to it, then what belongs to that
+        one |= {o.id for o in wholes if any(i != o.id and _one_piece(scene[i], o) for i in one)}
     upper = max((scene[i] for i in one), key=lambda o: o.top)
     main = upper if upper.top > theme.top + CLOSE and not theme.parent else theme
     for other in scene.objects:

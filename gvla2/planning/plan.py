@@ -34,6 +34,14 @@ class Abstention:
         return self.unread or self.kind in ("other", "unknown_skill", "unreachable")
 
 
+class RefusedError(Exception):
+    """Ends a search for calls or a plan with a refusal, its ``abstention``."""
+
+    def __init__(self, kind: AbstentionKind, message: str, unread: bool = False) -> None:
+        super().__init__(message)
+        self.abstention = Abstention(kind, message, unread)
+
+
 @dataclass(frozen=True)
 class Candidate:
     """One option that a planner considered: what, its score, and why it was dropped ("" if it was not).

@@ -1,8 +1,8 @@
 """Programs: a planner's plan in its own language, kept after a success and adapted to other scenes.
 
-Names of objects become roles (``theme``, ``goal``, ``third``), so that a program applies to other objects of the same
-kind; lengths that scale with the object become shares of its size. :func:`adapted` turns a program back into the names
-and millimetres of the present scene.
+Names of objects become roles (``theme``, ``goal``, ``object_2``), so that a program applies to other objects of the
+same kind; lengths that scale with the object become shares of its size. :func:`adapted` turns a program back into the
+names and millimetres of the present scene.
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ def remembered(text: str) -> str:
 
 
 Language = Literal["calls", "waypoints"]
-FURTHER = ("third", "fourth", "fifth", "sixth")
-"""Roles of objects that a plan's own roles do not name."""
 LONGEST = 40
 """Steps of a program; more than any plan of the loop can hold."""
 _NAME = re.compile(r"\{(\w{1,20})\}")
@@ -81,7 +79,10 @@ class Program:
             raise PlanningError(f"Not a program: {dict(data)!r:.200}.")
         calls = data["language"] == "calls"
         known = frozenset(map(str, roles))
-        if not all(_is_line(s, known) if calls else _is_waypoint(s, known) for s in steps or ()):
+        lines = all(
+            isinstance(s, str) and _LINE.fullmatch(s) and known >= {*_NAME.findall(s)} for s in steps or ()
+        )
+        if not (lines if calls else all(_is_waypoint(s, known) for s in steps or ())):
             raise PlanningError(f"A program with invalid steps: {steps!r:.200}.")
         return cls(
             data["language"],
@@ -94,10 +95,9 @@ class Program:
 
 
 def _role_names(ids: Sequence[str], roles: Mapping[str, str]) -> dict[str, str]:
-    """A role for each of the ids of a program: the plan's own, then third, fourth and so on."""
+    """A role for each of the ids of a program: the plan's own, then numbered ones."""
     named = {i: role for role, i in roles.items() if role in ("theme", "goal")}
-    spare = iter(FURTHER)
-    return {i: named.get(i) or next(spare, f"role_{k}") for k, i in enumerate(dict.fromkeys(ids))}
+    return {i: named.get(i) or f"object_{k}" for k, i in enumerate(dict.fromkeys(ids))}
 
 
 def kind_of(obj: SceneObject) -> str:
@@ -178,10 +178,6 @@ def adapted(
     return tuple(
         tuple(absolute(part, scene[bound[step[0][1:-1]]]) for part in step) for step in program.steps
     )
-
-
-def _is_line(step: Any, roles: frozenset[str]) -> bool:
-    return isinstance(step, str) and bool(_LINE.fullmatch(step)) and roles.issuperset(_NAME.findall(step))
 
 
 def _is_waypoint(step: Any, roles: frozenset[str]) -> bool:

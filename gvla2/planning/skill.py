@@ -57,17 +57,6 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Example:
-    """A worked example for prompts: ``objects`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, an
-    ``instruction`` and the ``call`` that carries it out.
-    """
-
-    objects: str
-    instruction: str
-    call: str
-
-
-@dataclass(frozen=True)
 class Job:
     """One grounded request. ``goal`` is the object that the theme goes to, or None, and ``relation`` how it should lie
     there; ``target`` (2,) is the intended position of the theme's centre, world metres, in the goal if there is one.
@@ -278,7 +267,7 @@ class Skill:
     names those that scale with a side of the theme ("height"). ``held_back``: the moved object may resist, so that a
     slip is due to theta. ``lasting`` are the parameters whose effect stays after a failed attempt. ``diagnose``
     finds what went wrong in an outcome, and what to change. ``fits`` is whether the skill applies to an object at all
-    (None: to any), and ``examples`` show a language model how it is called. ``implied`` skills are left out of prompts:
+    (None: to any). ``implied`` skills are left out of prompts:
     others turn into them if the scene requires it.
     """
 
@@ -298,7 +287,6 @@ class Skill:
     lasting: Sequence[str] = ()
     diagnose: Callable[[Outcome], Signal | None] | None = None
     fits: Callable[[SceneObject, Scene, Hand], bool] | None = None
-    examples: Sequence[Example] = ()
     implied: bool = False
 
     def role(self, name: RoleName) -> Role | None:

@@ -101,7 +101,7 @@ OWN_TASK = "/"
 TAKEN = frozenset(
     {
         *("hydra", "instruction", "branch", "seed", "episodes", "quiet", "replan", "planner_timeout"),
-        *("max_parts", "depth_noise", "results"),
+        *("depth_noise", "results"),
     }
 )
 """Words of the configuration of ``gvla2 run``, which no kind can use."""

@@ -160,9 +160,8 @@ def answer(
     plan = replace(plan, candidates=ranking.candidates)
     if ranking.chosen is None:
         reasons = ranking.reasons()
-        kind: AbstentionKind = (
-            "other" if request.rejections or _all_forbidden(found, reasons) else "unreachable"
-        )
+        forbidden = bool(found) and reasons.startswith("memory forbids") and ";" not in reasons
+        kind: AbstentionKind = "other" if request.rejections or forbidden else "unreachable"
         return replace(plan, abstention=Abstention(kind, f"{refusal}: {reasons}."))
     return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
 
@@ -224,10 +223,6 @@ def _target(call: SkillCall, theme: SceneObject, options: SkillOptions) -> Float
     return np.asarray(theme.centre[:2] + distance * way / np.linalg.norm(way))
 
 
-def _all_forbidden(found: Sequence[Proposal], reasons: str) -> bool:
-    return bool(found) and reasons.startswith("memory forbids") and ";" not in reasons
-
-
 SPEEDS = ("speed", "contact_speed")
 """Never varied, for safety."""
 
@@ -278,8 +273,9 @@ def first_part(program: Sequence[SkillCall], scene: Scene) -> list[tuple[SkillCa
     at = 0
     while at < len(program) and len(found) < MOST_OBJECTS:
         call, count = _merged(program[at:], scene)
-        if found and not _goes_along(call, [c for c, _ in found], scene):
-            break
+        themes, goals = ({getattr(c, role) for c, _ in found} for role in ("theme", "goal"))
+        if found and (not _fills(call, scene) or call.theme in themes | goals or call.goal in themes):
+            break  # to be planned after another look
         found.append((call, count))
         at += count
         if not _fills(call, scene):
@@ -306,12 +302,6 @@ def _merged(rest: Sequence[SkillCall], scene: Scene) -> tuple[SkillCall, int]:
         theta.pop("lift_height", None)  # placing has its own lift
         return replace(then, theta=theta), 2
     return replace(then, skill=what.skill, theme=what.theme.id, theta=theta), 2
-
-
-def _goes_along(call: SkillCall, calls: Sequence[SkillCall], scene: Scene) -> bool:
-    """Whether a call can be planned without looking again: it fills a container, too, and moves another object."""
-    themes, goals = {c.theme for c in calls}, {c.goal for c in calls}
-    return _fills(call, scene) and call.theme not in themes | goals and call.goal not in themes
 
 
 def _fills(call: SkillCall, scene: Scene) -> bool:

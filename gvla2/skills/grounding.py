@@ -73,7 +73,10 @@ def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
             return Abstention("ambiguous", f"The {theme.label} has {names}; say which to {call.skill}.")
         theme = fit[0] if fit else theme
     skill = suited(call.skill, theme, scene, aimed=goal is not None or call.xy is not None)
-    skill, theme = unscrewed(skill, theme, scene)
+    if skill in ("open", "twist") and (cap := cap_of(theme, scene)) is not None:
+        skill, theme = "twist", cap
+    elif skill in ("pick", "place", "pull", "draw") and closed_by(theme, scene) is not None:
+        skill = "twist"
     if skill == "twist" and closed_by(theme, scene) is None and not is_lid(theme, scene):
         return Abstention("nothing_matches", f"The {theme.label} is not a cap, and no cap is visible on it.")
     if goal is not None:
@@ -111,7 +114,8 @@ def suited(skill: str, theme: SceneObject, scene: Scene, *, aimed: bool = False)
         if slide_for(theme, scene) is not None:
             return "pull"
         if skill == "open":
-            return "twist" if threaded(theme, scene) else "open"
+            caps = [o for o in scene.objects if o.shape in ("cylinder", "disc") and is_lid(o, scene)]
+            return "twist" if any(theme.id in (cap.id, cap.parent) for cap in caps) else "open"
     if skill in ("pick", "place", "pull") and stuck(theme, scene) is not None:
         return "draw"
     if skill == "pick":
@@ -120,15 +124,6 @@ def suited(skill: str, theme: SceneObject, scene: Scene, *, aimed: bool = False)
         if (slide := slide_for(theme, scene)) is not None and slide.body is not None and theme.parent:
             return "pull"  # a drawer stays in its cabinet
     return skill
-
-
-def unscrewed(skill: str, theme: SceneObject, scene: Scene) -> tuple[str, SceneObject]:
-    """Twisting and the cap, if something closed by a cap is opened, or if a cap is taken away; else the arguments."""
-    if skill in ("open", "twist") and (cap := cap_of(theme, scene)) is not None:
-        return "twist", cap
-    if skill in ("pick", "place", "pull", "draw") and closed_by(theme, scene) is not None:
-        return "twist", theme
-    return skill, theme
 
 
 def fitted(skill: str, theme: SceneObject, goal: SceneObject, relation: str, scene: Scene) -> str:
@@ -141,12 +136,6 @@ def fitted(skill: str, theme: SceneObject, goal: SceneObject, relation: str, sce
     if hinge is not None and theme.id == hinge.lid.id and goal.id in hinge.parts:
         return "close"
     return "insert" if relation in OVER and fits_over(theme, goal) else skill
-
-
-def threaded(theme: SceneObject, scene: Scene) -> bool:
-    """Whether it is a round lid or cap, or has one."""
-    caps = [o for o in scene.objects if o.shape in ("cylinder", "disc") and is_lid(o, scene)]
-    return any(theme.id in (cap.id, cap.parent) for cap in caps)
 
 
 def whole_meant(theme: SceneObject, scene: Scene) -> SceneObject:

@@ -118,25 +118,24 @@ def hinges(scene: Scene) -> list[Hinge]:
 
 def slides(scene: Scene) -> list[Slide]:
     """All parts that are known to slide, and all handles with the fronts that they pull."""
-    known = [obj for obj in scene.objects if obj.joint is not None and obj.joint.slides]
-    found = [_known_slide(front, front.joint, scene) for front in known if front.joint is not None]
-    kin = frozenset[str]().union(*(scene.family(front.id) for front in known))
+    found, kin = list[Slide](), set[str]()
+    for front in scene.objects:
+        if (joint := front.joint) is not None and joint.slides:
+            handle = next((part for part in scene.parts_of(front.id) if is_handle(part)), front)
+            found.append(Slide(scene.whole_of(front), front, handle, joint.axis, joint))
+            kin |= scene.family(front.id)
     for handle in (obj for obj in scene.objects if obj.id not in kin):
         if handle.extents.min() > SLIM or not is_handle(handle):
             continue
-        front = scene.whole_of(handle)
-        if front is None or is_lid(front, scene):
+        whole = scene.whole_of(handle)
+        if whole is None or is_lid(whole, scene):
             continue
-        body = scene.whole_of(front)
-        out = _outward(handle, body or front)
-        if out is not None:
-            found.append(Slide(body, front, handle, out))
+        body = scene.whole_of(whole)
+        behind = body or whole  # the handle is before one of its upright faces
+        shift = handle.centre - behind.centre
+        faces = sorted(behind.upright_faces(), key=lambda way: behind.half_along(way) - float(shift @ way))
+        found += [Slide(body, whole, handle, out) for out in faces[:1]]
     return found
-
-
-def _known_slide(front: SceneObject, joint: PartJoint, scene: Scene) -> Slide:
-    handle = next((part for part in scene.parts_of(front.id) if is_handle(part)), front)
-    return Slide(scene.whole_of(front), front, handle, joint.axis, joint)
 
 
 def hinge_of(lid: SceneObject, body: SceneObject | None, scene: Scene) -> Hinge:
@@ -186,13 +185,6 @@ def _lip(lid: SceneObject, body: SceneObject | None, scene: Scene) -> tuple[Floa
     to_robot = np.array([*(near - lid.centre[:2]), 0.0])
     way, length = max(ways, key=lambda w: float(w[0] @ to_robot))
     return way, length, len(ways) > 1
-
-
-def _outward(handle: SceneObject, ref: SceneObject) -> FloatArray | None:
-    """(3,) the normal of the upright face of ``ref`` behind the handle; None if it has no upright face."""
-    shift = handle.centre - ref.centre
-    faces = ref.upright_faces()
-    return max(faces, key=lambda way: float(shift @ way) - ref.half_along(way), default=None)
 
 
 def hinge_for(obj: SceneObject, scene: Scene) -> Hinge | None:
@@ -350,10 +342,10 @@ def shines(button: SceneObject, before: Scene, after: Scene) -> bool | None:
     lamp = [o for o in before.objects if o.id in kin and o.id != button.id]
     if not any("lamp" in o.label.split() or "light" in o.label.split() for o in lamp):
         return None
-    found = [change for part in lamp if (change := _brighter(part, after)) is not None]
+    found = [
+        float(o.rgb.mean() - part.rgb.mean())
+        for part in lamp
+        for o in after.objects
+        if np.linalg.norm((o.centre - part.centre)[:2]) < SAME_SPOT
+    ]
     return max(found) > BRIGHTER if found else None
-
-
-def _brighter(part: SceneObject, after: Scene) -> float | None:
-    near = [o for o in after.objects if np.linalg.norm((o.centre - part.centre)[:2]) < SAME_SPOT]
-    return max((float(o.rgb.mean() - part.rgb.mean()) for o in near), default=None)

@@ -8,19 +8,11 @@ from typing import Any
 
 from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest, RefusedError
 from gvla2.planning.programs import remembered
 
 MAX_CHARACTERS = 1000
 """Most characters of an instruction, and of the reasons against an answer, in a prompt."""
-
-
-class Declined(Exception):  # noqa: N818 - an answer, not an error
-    """The model's answer declines the instruction."""
-
-    def __init__(self, abstention: Abstention) -> None:
-        super().__init__(abstention.message)
-        self.abstention = abstention
 
 
 def nothing_to_ask(request: PlanRequest) -> Plan | None:
@@ -66,16 +58,16 @@ def ask_for_plan(
     """The plan that ``plan_of`` makes of an answer.
 
     An answer for which ``plan_of`` raises :class:`ValueError`, or abstains, goes back to the model with the reason (as
-    ``named`` words it), ``tries`` times in all; then the plan is an abstention with the last reason. :class:`Declined`
-    ends the conversation. ``asking`` are further arguments of :func:`~gvla2.language.ask_typed`. Raises
-    :class:`~gvla2.language.LanguageModelError` if no model answers.
+    ``named`` words it), ``tries`` times in all; then the plan is an abstention with the last reason.
+    :class:`~gvla2.planning.contracts.RefusedError` ends the conversation. ``asking`` are further arguments of
+    :func:`~gvla2.language.ask_typed`. Raises :class:`~gvla2.language.LanguageModelError` if no model answers.
     """
     refused: dict[str, Abstention] = {}
 
     def parse(text: str) -> Plan:
         try:
             plan = plan_of(text)
-        except Declined as declined:
+        except RefusedError as declined:
             return Plan(None, abstention=declined.abstention)
         except PlanningError as error:
             raise ValueError(str(error)) from None

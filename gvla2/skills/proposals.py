@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
@@ -72,9 +72,15 @@ class Path:
         *,
         gripper: float | None = None,
         allowed: frozenset[str] = frozenset(),
+        **how: Any,
     ) -> Path:
-        """A planned motion around obstacles."""
-        return self._add(stage, xyz, "free", self.speed, gripper, allowed)
+        """A planned motion around obstacles; ``how`` are other fields of the waypoint."""
+        self.gripper = self.gripper if gripper is None else gripper
+        x, y, z = (float(v) for v in xyz)
+        held = {"orientation": self.orientation, "carries": self.carries, "tolerance": self.tolerance}
+        fields = {"speed": self.speed, **held, **how}
+        self.waypoints.append(Waypoint((x, y, z), self.gripper, stage, allowed_contacts=allowed, **fields))
+        return self
 
     def line(
         self,
@@ -88,13 +94,13 @@ class Path:
         dwell: float = 0.0,
     ) -> Path:
         """A straight motion, split if it is long, then ``dwell`` seconds of rest; a ``guard`` may end it early."""
-        speed = self.contact_speed if slow else self.speed
+        how = {"motion": "linear", "speed": self.contact_speed if slow else self.speed, "guard": guard}
         if self.waypoints:
             begin = self.end
             parts = math.ceil(math.dist(xyz, begin) / LONGEST_LINE - 1e-9)
             for k in range(1, parts):
-                self._add(stage, begin + (xyz - begin) * (k / parts), "linear", speed, None, allowed, guard)
-        return self._add(stage, xyz, "linear", speed, gripper, allowed, guard, dwell)
+                self.go(stage, begin + (xyz - begin) * (k / parts), allowed=allowed, **how)
+        return self.go(stage, xyz, gripper=gripper, allowed=allowed, dwell=dwell, **how)
 
     @property
     def end(self) -> FloatArray:
@@ -104,23 +110,6 @@ class Path:
     def trajectory(self) -> Trajectory:
         """The trajectory of all waypoints so far."""
         return Trajectory(tuple(self.waypoints))
-
-    def _add(
-        self,
-        stage: str,
-        xyz: FloatArray,
-        motion: Literal["free", "linear"],
-        speed: float,
-        gripper: float | None,
-        allowed: frozenset[str],
-        guard: Guard | None = None,
-        dwell: float = 0.0,
-    ) -> Path:
-        self.gripper = self.gripper if gripper is None else gripper
-        x, y, z = (float(v) for v in xyz)
-        how = (self.gripper, stage, self.orientation, motion, speed, allowed, self.carries, self.tolerance)
-        self.waypoints.append(Waypoint((x, y, z), *how, guard=guard, dwell=dwell))
-        return self
 
 
 def pointing(closing: FloatArray, approach: FloatArray | None = None) -> Orientation:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gvla2.episode.evidence import Correspondence, RobotEvidence, correspond
+from gvla2.episode.evidence import RobotEvidence, correspond
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.scene import Scene, SceneObject
 
@@ -53,7 +53,7 @@ class Case:
         return self.evidence.after
 
     @cached_property
-    def _matched(self) -> Correspondence:
+    def _matched(self) -> dict[str, SceneObject]:
         return correspond(self.before, self.after)
 
     def role(self, *names: str) -> SceneObject | None:
@@ -73,7 +73,7 @@ class Case:
 
     def later(self, obj: SceneObject) -> SceneObject | None:
         """The same object afterwards, None if it was not seen again; errors as :attr:`after`."""
-        return self._matched.of(obj.id)
+        return self._matched.get(obj.id)
 
     def again(self, obj: SceneObject) -> SceneObject:
         """The same object afterwards; raises :class:`InconclusiveError` if it was not seen again."""

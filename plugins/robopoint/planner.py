@@ -18,7 +18,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed, json_in, picture
 from gvla2.planning.calls import RELATIONS, Relation, SkillCall
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest, RefusedError
 from gvla2.planning.scene import Scene
 from gvla2.planning.skill import Skill
 from gvla2.skills.carry_out import carry_out
@@ -50,8 +50,8 @@ LONGEST = 80
 MAX_POINTS = 200
 """Maximum number of points in an answer; more mean that the model is repeating itself."""
 MAX_CHARACTERS = 20_000
-AGREE = 0.01
-"""Neighbouring depths that differ by less lie on one surface, metres."""
+AGREE = 0.015
+"""Neighbouring points that are nearer to one another lie on one surface, metres."""
 NEIGHBOURS = 9
 """Number of valid pixels used for a depth: a patch of 3 by 3 if none is missing."""
 REACH = 12
@@ -91,7 +91,7 @@ class RoboPointPlanner:
 
         try:
             plan = carry_out((self._call(request, ask),), request)
-        except _RefusedError as refused:
+        except RefusedError as refused:
             plan = Plan(None, abstention=refused.abstention)
         except (PlanningError, UnusableAnswerError) as error:
             said += getattr(error, "transcript", ())
@@ -99,7 +99,7 @@ class RoboPointPlanner:
         return replace(plan, transcript=(*said, *plan.transcript))
 
     def _call(self, request: PlanRequest, ask: Callable[[Any, Callable[[str], Any]], Any]) -> SkillCall:
-        """The skill call that the instruction and the picture give; raises :class:`_RefusedError`."""
+        """The skill call that the instruction and the picture give; raises :class:`RefusedError`."""
         skills, view = request.skills or STANDARD, request.observation.views[0]
 
         def point(words: str) -> list[Sighting]:
@@ -114,7 +114,7 @@ class RoboPointPlanner:
         task: PointingTask = ask(words, lambda text: read_task(text, skills))
         if task.skill == "none":
             message = f"None of {', '.join(skills)} was seen in the instruction."
-            raise _RefusedError(Abstention("unknown_skill", message))
+            raise RefusedError("unknown_skill", message)
         theme = voted(task.theme, point(f"Locate several points on the {task.theme}."))
         if not task.goal:
             return SkillCall(task.skill, theme, relation=task.relation)
@@ -122,7 +122,7 @@ class RoboPointPlanner:
             try:
                 goal = voted(task.goal, point(f"Locate several points on the {task.goal}."))
                 return SkillCall(task.skill, theme, goal=goal, relation=task.relation)
-            except _RefusedError as refused:  # a name that matches no perceived object may still be a place
+            except RefusedError as refused:  # a name that matches no perceived object may still be a place
                 if refused.abstention.kind != "nothing_matches" or not skills[task.skill].free:
                     raise
         where = f"{BESIDES.get(task.relation, 'on')} the {task.goal}"
@@ -130,29 +130,21 @@ class RoboPointPlanner:
         free = [s.point for s in seen if abs(s.point[2] - request.scene.table_height) < LEVEL]
         if len(free) < AGREEMENT * len(seen):
             message = f"Where the model pointed for a place {where}, the table is not free."
-            raise _RefusedError(Abstention("no_goal", message))
+            raise RefusedError("no_goal", message)
         x, y = (float(v) for v in np.median(free, axis=0)[:2])
         return SkillCall(task.skill, theme, xy=(x, y))
 
 
-class _RefusedError(Exception):
-    """What the model says or points at gives no call."""
-
-    def __init__(self, abstention: Abstention) -> None:
-        super().__init__(abstention.message)
-        self.abstention = abstention
-
-
 def voted(words: str, seen: Sequence[Sighting]) -> str:
-    """The id of the object that most points for the ``words`` lie on; raises :class:`_RefusedError`."""
+    """The id of the object that most points for the ``words`` lie on; raises :class:`RefusedError`."""
     votes = Counter(s.object for s in seen if s.object).most_common(2)
     where = f"Where the model pointed for '{words}'"
     if not votes:
-        raise _RefusedError(Abstention("nothing_matches", f"{where}, no object was perceived."))
+        raise RefusedError("nothing_matches", f"{where}, no object was perceived.")
     (best, count), rest = votes[0], votes[1:]
     if count < AGREEMENT * len(seen) or any(other == count for _, other in rest):
         message = f"{where}, there are several objects, or none at most points."
-        raise _RefusedError(Abstention("ambiguous", message))
+        raise RefusedError("ambiguous", message)
     return best
 
 
@@ -242,33 +234,24 @@ def read_points(text: str, scale: float = 1.0) -> tuple[tuple[float, float], ...
 def sight(view: View, u: float, v: float, scene: Scene) -> Sighting:
     """What is seen at the shares ``u`` and ``v`` of a picture's width and height, 1 being its last pixel.
 
-    Raises :class:`PlanningError` for a camera without depth, and if no depth was measured nearby. Pixels of the robot's
-    own arm count as not measured.
-    """
-    camera = view.camera
-    at = np.array([min(u * camera.width, camera.width - 0.5), min(v * camera.height, camera.height - 0.5)])
-    ray = camera.world_from_camera[:3, :3] @ np.linalg.solve(camera.K, np.array([*at, 1.0]))
-    point = np.asarray(camera.position + depth_at(view, *at) * ray)
-    return Sighting(point, scene.object_at(point))
-
-
-def depth_at(view: View, u: float, v: float) -> float:
-    """Metres along the camera's z at a pixel: the median of the nearest measured depths on one surface.
-
-    An isolated pixel (a flying pixel at an edge) is outvoted by its neighbours; one confirmed by some of them is used,
-    so that a thin handle is not mistaken for what lies behind it.
+    It is the median of the nearest measured points on one surface: an isolated one (a flying pixel at an edge) is
+    outvoted by its neighbours; one confirmed by some of them is used, so that a thin handle is not mistaken for what
+    lies behind it. Pixels of the robot's own arm count as not measured. Raises :class:`PlanningError` for a camera
+    without depth, and if no depth was measured nearby.
     """
     if view.depth is None:
         raise PlanningError(f"The camera '{view.name}' measures no depth; choose one that does.")
-    known = np.isfinite(view.depth) & (view.depth > 0.0)
+    points = view.points()
+    known = np.isfinite(points).all(axis=-1)
     if view.robot_mask is not None:
         known &= ~view.robot_mask
     pixels = np.argwhere(known)  # (N, 2) rows and columns
-    off = np.linalg.norm(pixels + 0.5 - [v, u], axis=1)
+    off = np.linalg.norm(pixels + 0.5 - [v * view.camera.height, u * view.camera.width], axis=1)
     near = pixels[np.argsort(off, kind="stable")[:NEIGHBOURS]][: np.count_nonzero(off <= REACH)]
     if not len(near):
-        where = f"({u:.0f}, {v:.0f}) in the picture of '{view.name}'"
+        where = f"({u:.2f}, {v:.2f}) in the picture of '{view.name}'"
         raise PlanningError(f"No depth was measured within {REACH} pixels of {where}.")
-    found = view.depth[tuple(near.T)].astype(np.float64)
-    beside = np.abs(found - found[0]) < AGREE
-    return float(np.median(found[beside] if beside.sum() >= min(3, len(found)) else found))
+    found = points[tuple(near.T)]
+    beside = np.linalg.norm(found - found[0], axis=1) < AGREE
+    point = np.median(found[beside] if beside.sum() >= min(3, len(found)) else found, axis=0)
+    return Sighting(point, scene.object_at(point))

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, may_look, meant_by
-from gvla2.planning.contracts import Abstention, AbstentionKind
+from gvla2.planning.contracts import RefusedError
 from gvla2.planning.part_hierarchy import is_ajar, root_of
 from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, on_something_unseen, related
 from gvla2.planning.scene import Scene, SceneObject
@@ -76,14 +76,6 @@ ON_TABLE = 0.04
 """What stands on the table has its bottom lower than this above it, metres."""
 
 
-class UngroundedError(Exception):
-    """A phrase means no object, or none for certain; ``abstention`` says why."""
-
-    def __init__(self, kind: AbstentionKind, message: str, unread: bool = False) -> None:
-        super().__init__(message)
-        self.abstention = Abstention(kind, message, unread=unread)
-
-
 @dataclass(frozen=True)
 class Context:
     """What earlier clauses were about: ids of the last themes and of the last goal, and of all that was closed."""
@@ -103,7 +95,7 @@ def ground(
     origins: Sequence[Place] = (),
     mark: bool = False,
 ) -> list[SceneObject]:
-    """The objects that a phrase means: one, or several where it says so. Raises :class:`UngroundedError`.
+    """The objects that a phrase means: one, or several where it says so. Raises :class:`RefusedError`.
 
     ``skill`` is what is done to them, "" if they only say where; ``out`` are ids that cannot be meant; ``origins`` are
     places that they are taken from. A ``mark``, which something is in, may be any of the parts of one whole.
@@ -129,7 +121,7 @@ def ground(
     if not fits:
         raise _nothing(noun, pool, scene)
     if (count := next((NUMBERS[w] for w in mods if w in NUMBERS), len(fits))) != len(fits):
-        raise UngroundedError("ambiguous", f"There are {len(fits)} of '{noun.text}', not {count}.")
+        raise RefusedError("ambiguous", f"There are {len(fits)} of '{noun.text}', not {count}.")
     plural = head not in {w for o in fits for w in _label(o)} and _singular(head) != head
     if len(fits) == 1 or noun.number == "all" or (noun.number == "the" and plural):
         return fits
@@ -146,15 +138,13 @@ def ground(
         return fits if mark else [wholes[0]]  # "on top of the drawer" where a cabinet has three
     names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in fits)
     message = f"'{noun.text}' may mean {names}; say which, by its colour or side perhaps."
-    raise UngroundedError("ambiguous", message)
+    raise RefusedError("ambiguous", message)
 
 
-def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> UngroundedError:
+def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> RefusedError:
     seen = ", ".join(sorted(o.label for o in scene.objects)) or "nothing"
     partly = any(_heads(noun.words, o, level) for level in range(3) for o in pool)
-    return UngroundedError(
-        "nothing_matches", f"Nothing here is '{noun.text}'; the scene has: {seen}.", partly
-    )
+    return RefusedError("nothing_matches", f"Nothing here is '{noun.text}'; the scene has: {seen}.", partly)
 
 
 def _antecedents(
@@ -163,11 +153,11 @@ def _antecedents(
     """What a pronoun stands for; where nothing was named before, the only object that can be moved."""
     named = [o for o in scene.objects if o.id in context.themes]
     if noun.text == "them" and len(named) == 1 and context.goal:
-        raise UngroundedError("ambiguous", "'them' may be what was put there, with what it is on.")
+        raise RefusedError("ambiguous", "'them' may be what was put there, with what it is on.")
     wholes = [o for o in pool if not o.parent and o.shape != "region"]
     if named or len(wholes) == 1:
         return named or wholes
-    raise UngroundedError("ambiguous", f"What '{noun.text}' stands for is not said.")
+    raise RefusedError("ambiguous", f"What '{noun.text}' stands for is not said.")
 
 
 # Words
@@ -352,7 +342,7 @@ def _taken(origin: Place, fits: list[SceneObject], scene: Scene, context: Contex
         return fits
     try:
         return _placed(origin, fits, scene, context)
-    except UngroundedError:
+    except RefusedError:
         if noun.words[-1] in HOLDERS and len(noun.words) == 1:
             return fits
         raise
@@ -372,7 +362,7 @@ def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Contex
         return between_two(fits, ends[0], ends[1]) if len(ends) == 2 else []
     try:
         at = ground(noun, scene, context, mark=place.relation in ("in", "from"))
-    except UngroundedError as error:
+    except RefusedError as error:
         # What it stands on may be hidden below it: the only one that stands on something unseen is meant.
         raised = [o for o in fits if on_something_unseen(o, scene)]
         if place.relation == "on" and error.abstention.kind == "nothing_matches" and len(raised) == 1:

@@ -8,14 +8,14 @@ from typing import cast
 
 from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.colours import colour_distance
-from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest, RefusedError
 from gvla2.planning.part_hierarchy import button_of, is_ajar, knob_of
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.carry_out import carry_out, is_container
 from gvla2.skills.grounding import still_held, turned
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig
-from gvla2_plugins.skill.grounding import Context, UngroundedError, ground, section, several
+from gvla2_plugins.skill.grounding import Context, ground, section, several
 from gvla2_plugins.skill.reading import ITS, Command, Noun, Reading, UnreadableError, readings
 
 ABSORBED = {"pick": {"pick", "pull", "twist"}, "pull": {"pull"}, "place": {"place"}}
@@ -56,7 +56,7 @@ def read(sentence: str, scene: Scene) -> tuple[SkillCall, ...] | Abstention:
         try:
             calls = _calls(reading, scene)
             grounded["; ".join(map(str, calls))] = calls
-        except UngroundedError as error:
+        except RefusedError as error:
             refused.append(error.abstention)
     if len(grounded) == 1:
         return next(iter(grounded.values()))
@@ -68,7 +68,7 @@ def read(sentence: str, scene: Scene) -> tuple[SkillCall, ...] | Abstention:
 
 
 def _calls(reading: Reading, scene: Scene) -> tuple[SkillCall, ...]:
-    """The calls of a reading; raises :class:`UngroundedError`."""
+    """The calls of a reading; raises :class:`RefusedError`."""
     calls: list[SkillCall] = []
     context = Context()
     for command in reading:
@@ -83,7 +83,7 @@ def _calls(reading: Reading, scene: Scene) -> tuple[SkillCall, ...]:
             calls.append(call)
     for call, following in pairwise(calls):
         if (refusal := still_held(call, following, scene)) is not None:
-            raise UngroundedError(refusal.kind, refusal.message)
+            raise RefusedError(refusal.kind, refusal.message)
     return tuple(calls)
 
 
@@ -92,7 +92,7 @@ def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[Sk
     skill = "press" if command.skill == TURN_OFF else command.skill
     if skill not in STANDARD:
         message = f"No skill can {command.skill} anything; it can {', '.join(STANDARD)}."
-        raise UngroundedError("unknown_skill", message)
+        raise RefusedError("unknown_skill", message)
     goal = command.goal
     out = {o.id for noun in command.spared for o in _seen(noun, scene, context)}
     if goal is not None and (goal.relation == "matching" or any(map(several, command.themes))):
@@ -110,7 +110,7 @@ def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[Sk
         ground(noun, scene, Context(tuple(o.id for o in themes)))
     if len(themes) > 1 and (goal is None or goal.relation == "between"):
         names = ", ".join(o.label for o in themes)
-        raise UngroundedError("other", f"It names several objects, {names}; ask for one at a time.")
+        raise RefusedError("other", f"It names several objects, {names}; ask for one at a time.")
     calls = [_call(command, theme, scene, context) for theme in themes]
     ids = tuple(o.id for o in themes)
     closed = (*context.closed, *ids) if command.skill == "close" else context.closed
@@ -118,12 +118,12 @@ def _grounded(command: Command, scene: Scene, context: Context) -> tuple[list[Sk
 
 
 def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) -> SkillCall:
-    """The call for one theme; raises :class:`UngroundedError` where its goal is not one certain object."""
+    """The call for one theme; raises :class:`RefusedError` where its goal is not one certain object."""
     knob = knob_of(theme, scene)
     if knob is not None and command.skill in ("press", TURN_OFF) and button_of(theme, scene) is None:
         return turned(SkillCall("twist", knob.id), knob, on=command.skill == "press")
     if command.skill == TURN_OFF:
-        raise UngroundedError("unknown_skill", f"No skill can turn off the {theme.label}: it has no knob.")
+        raise RefusedError("unknown_skill", f"No skill can turn off the {theme.label}: it has no knob.")
     call = SkillCall(command.skill, theme.id, amount=command.amount, direction=command.direction)
     goal = command.goal
     if command.direction is not None and command.direction[1] and scene.viewpoint == "facing":
@@ -135,13 +135,13 @@ def _call(command: Command, theme: SceneObject, scene: Scene, context: Context) 
     if goal.relation == "matching":
         found = _containers(scene)
         if len(found) < 2:
-            raise UngroundedError("nothing_matches", "There are no two containers to sort into.")
+            raise RefusedError("nothing_matches", "There are no two containers to sort into.")
         at = min(found, key=lambda c: (c.colour != theme.colour, float(colour_distance(theme.rgb, c.rgb))))
         return replace(call, goal=at.id, relation="in")
     places = [_aim(noun, theme, scene, context) for noun in goal.nouns]
     if any(len(objects) != 1 for objects in places):
         names = ", ".join(o.label for objects in places for o in objects)
-        raise UngroundedError("ambiguous", f"'{goal.nouns[0].text}' may mean {names}; say which.")
+        raise RefusedError("ambiguous", f"'{goal.nouns[0].text}' may mean {names}; say which.")
     if goal.relation == "between":
         x, y = 0.5 * (places[0][0].centre + places[1][0].centre)[:2]
         return replace(call, xy=(float(x), float(y)))
@@ -163,7 +163,7 @@ def _seen(noun: Noun, scene: Scene, context: Context, out: frozenset[str] = froz
     """What a phrase means, if anything: what is not there cannot be touched."""
     try:
         return ground(noun, scene, context, out=out)
-    except UngroundedError:
+    except RefusedError:
         return []
 
 

@@ -169,12 +169,11 @@ def readings(sentence: str) -> list[Reading]:
             why = why or str(error.orig_exc)
     if not found:
         raise UnreadableError(why)
-    aimless = {reading: sum(map(_aimless, reading)) for reading in found}
+    aimless = {
+        reading: sum(c.skill in ("place", "push") and c.goal is None and c.direction is None for c in reading)
+        for reading in found
+    }
     return [reading for reading, count in aimless.items() if count == min(aimless.values())]
-
-
-def _aimless(command: Command) -> bool:
-    return command.skill in ("place", "push") and command.goal is None and command.direction is None
 
 
 def _unread(text: str, at: int | None) -> UnreadableError:

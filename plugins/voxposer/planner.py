@@ -172,12 +172,17 @@ def stops(
     return found
 
 
-def from_contact(path: Sequence[PathPoint], scene: Scene) -> Sequence[PathPoint]:
-    """The path; one whose hand closes in free space pushes or presses, and begins there."""
-    first = next((k for k, point in enumerate(path) if point.closed), None)
-    if first is None or scene.object_at(path[first].array, AT_HAND):
+def one_hold(path: Sequence[PathPoint], scene: Scene) -> Sequence[PathPoint]:
+    """The path; one whose hand closes in free space pushes or presses, and begins there.
+
+    Raises :class:`ValueError` if it closes more than once: one object is handled.
+    """
+    closings = [k for k, p in enumerate(path) if p.closed and (k == 0 or not path[k - 1].closed)]
+    if len(closings) > 1:
+        raise ValueError(f"The hand closes {len(closings)} times on this path; handle one object, the first.")
+    if not closings or scene.object_at(path[closings[0]].array, AT_HAND):
         return path
-    return list(takewhile(lambda point: point.closed, path[first:]))
+    return list(takewhile(lambda point: point.closed, path[closings[0] :]))
 
 
 class VoxPoserPlanner:
@@ -195,7 +200,7 @@ class VoxPoserPlanner:
 
         def plan_of(text: str) -> Plan:
             path = stops(read_program(text), request, brief.ids, self.config)
-            return lift(from_contact(path, request.scene), request)
+            return lift(one_hold(path, request.scene), request)
 
         objects, task = f"Objects ({LEGEND}), data only:\n{brief.text}", f"Task: {instruction_in(request)}"
         asked = "\n\n".join([objects, *context(request), task])

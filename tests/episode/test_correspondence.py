@@ -22,7 +22,7 @@ def test_what_stays_where_it_was_is_itself_whatever_it_is_called_the_second_time
         (lid("p", "gray lid", 0.0, 0.13, 0.024), lid("q", "gray disc", 0.35, 0.01, 0.021)), 0.0, SPACE
     )
     found = correspond(before, after)
-    assert {name: later.id for name, later in found.later.items()} == {"stays": "p", "goes": "q"}
+    assert {name: later.id for name, later in found.items()} == {"stays": "p", "goes": "q"}
 
 
 def test_a_moved_thing_is_found_by_its_looks_even_where_another_one_stood() -> None:
@@ -33,4 +33,4 @@ def test_a_moved_thing_is_found_by_its_looks_even_where_another_one_stood() -> N
     red, blue = (0.8, 0.1, 0.1), (0.1, 0.1, 0.8)
     before = Scene((cube("r", 0.0, red, "red"), cube("b", 0.3, blue, "blue")), 0.0, SPACE)
     after = Scene((cube("p", 0.0, blue, "blue"), cube("q", 0.3, red, "red")), 0.0, SPACE)
-    assert {k: v.id for k, v in correspond(before, after).later.items()} == {"r": "q", "b": "p"}
+    assert {k: v.id for k, v in correspond(before, after).items()} == {"r": "q", "b": "p"}

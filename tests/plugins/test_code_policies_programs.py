@@ -5,10 +5,11 @@ import time
 
 import pytest
 
+from gvla2.planning.contracts import RefusedError
 from gvla2.planning.scene_brief import scene_brief
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
-from gvla2_plugins.code_policies.planner import Declined, fitting, grammar, read_calls, worked_examples
+from gvla2_plugins.code_policies.planner import fitting, grammar, read_calls, worked_examples
 
 REQUEST = inputs.plan_request()
 FITS = fitting(REQUEST, STANDARD, scene_brief(REQUEST.scene))
@@ -56,7 +57,7 @@ def test_a_program_may_decline():
         ("", "other"),
         ("red", "other"),
     ):
-        with pytest.raises(Declined) as declined:
+        with pytest.raises(RefusedError) as declined:
             run(f"pick(red)\ndecline({argument})")
         assert declined.value.abstention.kind == kind
 
@@ -87,6 +88,6 @@ def test_the_grammar_of_calls_is_well_formed_and_has_what_fits():
     ("skill", "example"), [(s, e) for s, each in worked_examples().items() for e in each]
 )
 def test_examples_can_be_read(skill, example):
-    names = {line.partition(" ")[0] for line in example.objects.splitlines()}
-    (call,) = read_calls(example.call, {n: n for n in names}, STANDARD)
+    names = {line.partition(" ")[0] for line in example[0].splitlines()}
+    (call,) = read_calls(example[2], {n: n for n in names}, STANDARD)
     assert call.skill == skill

@@ -86,7 +86,7 @@ def test_a_gripper_map_says_where_the_hand_closes():
         ('move("a", affordance=at(red_cube), gripper=0 / 0)', "not finite"),
         ('move("a", affordance=above(red_cube, 200), gripper=0)', "nothing"),
         ('__import__("os").system("true")', "is not move"),
-        (f'{LIFT}\nmove("drop", affordance=above(red_cube, 300), gripper=1)\n{OTHER}', "closes again"),
+        (f'{LIFT}\nmove("drop", affordance=above(red_cube, 300), gripper=1)\n{OTHER}', "closes 2 times"),
     ],
 )
 def test_bad_answers_move_nothing(program, said_):

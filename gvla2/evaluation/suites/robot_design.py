@@ -56,7 +56,6 @@ SETTING = (
     "scale",
     "world",
     "replan",
-    "max_parts",
 )
 """Factors that rows must share to be compared; tables leave out those with the usual value."""
 MEASURING_CODE = (
@@ -199,7 +198,7 @@ def _around(
 ) -> dict[str, tuple[Any, ...]]:
     """What all episodes of a row share that could change their outcome, by the row's name."""
     asking = ASKING_CODE if _model(config, registry) else ()
-    shared = (asdict(config.depth_noise), asdict(config.branch), config.replan, config.max_parts, versions())
+    shared = (asdict(config.depth_noise), asdict(config.branch), config.replan, versions())
     found = {}
     for subject, task in rows.items():
         kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" or OWN_TASK not in task["name"]]
@@ -263,7 +262,6 @@ def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:
         "world": config.world if config.world == LEARNABLE else "",
         "components": ", ".join(components),
         "replan": config.replan,
-        "max_parts": config.max_parts if config.max_parts != RobotBench().max_parts else "",
     }
     return {
         **{kind: described(getattr(config, kind)) for kind in ("robot", "perceiver", "verifier")},

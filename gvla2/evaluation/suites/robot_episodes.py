@@ -144,7 +144,6 @@ def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, floa
         replan=config.replan if arm.replan is None else arm.replan,
         depth_noise=config.depth_noise,
         planner_timeout=config.planner_timeout,
-        max_parts=config.max_parts,
     )
     started = time.perf_counter()
     with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours

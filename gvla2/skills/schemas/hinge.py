@@ -6,7 +6,7 @@ everyday size, the straight lines between them are within 2 mm of the circle.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache, partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from gvla2.skills.proposals import Grasp, Path, pointing
 from gvla2.skills.schemas.pick_place import let_go, take
 from gvla2.skills.schemas.pull import propose_shut
 
-HandAt = Callable[[float, float, float], tuple[FloatArray, FloatArray]]
+HandAt = Callable[[float, float], tuple[FloatArray, FloatArray]]
 STEP = 0.22
 GRIP_OPENING = 0.6
 """The hand's opening before it grasps a lip: the fingers then fit between the lip and what is close to it."""
@@ -31,8 +31,6 @@ FALLS = 1.0
 """Time for a lid to fall if it does not stay open, seconds, before the robot looks again."""
 TURNED = (0.0, 0.2, -0.2)
 """Pitches of the hand, relative to the lid, when it grasps the lip, radians."""
-YAWS = (0.35, -0.35)
-"""Yaws of the hand, in the lid's plane, when it grasps the lip, radians."""
 SHIFTS = (0.0, 0.25, -0.25, 0.4, -0.4)
 """Places along the free edge to grasp, as shares of its length from the middle."""
 
@@ -50,20 +48,18 @@ def propose_open(job: Job) -> list[Proposal] | Abstention:
     further = whole - 0.5 * np.pi
     less = whole - 0.5 * further
     hand_at = cache(partial(_hand_at, hinge))  # the same for every place along the lip
-    ways: list[tuple[float, float, float, Sequence[float]]] = [(whole, lean, 0.0, SHIFTS) for lean in TURNED]
-    ways += [(end, 0.0, 0.0, SHIFTS) for end in (whole - 0.25 * further, less)]
-    ways += [(less, lean, yaw, SHIFTS[:3]) for yaw in YAWS for lean in TURNED]
+    ways = [(whole, lean) for lean in TURNED] + [(end, 0.0) for end in (whole - 0.25 * further, less)]
     return [
-        _open(job, hinge, hand_at, sign, lean, end, shift, yaw)
-        for end, lean, yaw, shifts in ways
-        for shift in shifts
+        _open(job, hinge, hand_at, sign, lean, end, shift)
+        for end, lean in ways
+        for shift in SHIFTS
         for sign in (1.0, -1.0)
     ]
 
 
-def _hand_at(hinge: Hinge, angle: float, lean: float, yaw: float) -> tuple[FloatArray, FloatArray]:
+def _hand_at(hinge: Hinge, angle: float, lean: float) -> tuple[FloatArray, FloatArray]:
     """Approach and closing direction, (3,) each, of a hand on the lip of a lid open by ``angle``."""
-    tilt = Rotation.from_rotvec(lean * hinge.axis) * Rotation.from_rotvec(yaw * hinge.normal(angle))
+    tilt = Rotation.from_rotvec(lean * hinge.axis)
     return tilt.apply(-hinge.out(angle)), tilt.apply(hinge.normal(angle))
 
 
@@ -77,14 +73,13 @@ def _off_middle(hinge: Hinge, shift: float) -> str:
 
 
 def _open(
-    job: Job, hinge: Hinge, hand_at: HandAt, sign: float, lean: float, end: float, shift: float, yaw: float
+    job: Job, hinge: Hinge, hand_at: HandAt, sign: float, lean: float, end: float, shift: float
 ) -> Proposal:
     wanted = job.theta["open_angle"]
     how = f"lid swung open {np.degrees(end):.0f}° by its lip" + (", hand turned over" if sign < 0 else "")
     how += f", tilted {np.degrees(lean):.0f}°" if lean else ""
     how += _off_middle(hinge, shift)
-    how += f", from {np.degrees(yaw):.0f}° beside" if yaw else ""
-    preference = 0.8 - 0.4 * abs(lean) - (wanted - end) - 0.3 * abs(shift) - 0.2 * abs(yaw)
+    preference = 0.8 - 0.4 * abs(lean) - (wanted - end) - 0.3 * abs(shift)
 
     def way() -> Trajectory:
         theta, near = job.theta, hinge.parts
@@ -93,12 +88,12 @@ def _open(
             return hinge.edge(angle, theta["lip_depth"]) + shift * hinge.breadth * hinge.axis
 
         angles = [float(angle) for angle in _angles(hinge.angle, end)]
-        at, (approach, closing) = lip(angles[0]), hand_at(angles[0], lean, yaw)
+        at, (approach, closing) = lip(angles[0]), hand_at(angles[0], lean)
         grasp = Grasp(how, "lip", sign * closing, approach, at, GRIP_OPENING, preference, 0.0)
         path = take(job, grasp, near, "reach")
         path.carries, path.tolerance = hinge.lid.id, GIVE
         for angle in angles[1:]:
-            at, (approach, closing) = lip(angle), hand_at(angle, lean, yaw)
+            at, (approach, closing) = lip(angle), hand_at(angle, lean)
             path.orientation = pointing(sign * closing, approach)
             path.line("swing", at, allowed=near, slow=True)
         let_go(path, at, at - approach * theta["standoff"], GRIP_OPENING, near, dwell=FALLS)
@@ -110,7 +105,7 @@ def _open(
         else ()
     )
     names = ("approach:side", "approach:lip")
-    return Proposal(how, names, preference, way, notes, reserve=bool(yaw) or end < wanted)
+    return Proposal(how, names, preference, way, notes, reserve=end < wanted)
 
 
 def propose_close(job: Job) -> list[Proposal] | Abstention:
