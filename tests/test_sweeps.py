@@ -164,7 +164,7 @@ def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_reported
 @pytest.mark.parametrize(
     ("option", "message"),
     [
-        ("memory.bank='a b'", "'memory.bank' is wrong: 'a b' cannot be the name of a bank"),
+        ("memory.bank='a b'", "'a b' cannot be the name of a bank"),
         ("episodes=0", "at least 1"),
     ],
 )

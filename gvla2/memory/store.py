@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import fcntl
 import os
+import random
 import re
 import sqlite3
+import time
 import unicodedata
 import zlib
 from abc import ABC, abstractmethod
@@ -266,8 +268,26 @@ class SqliteStore(Store):
             raise MemoryStoreError(f"The memory {self.name} cannot be used: {error}.") from error
 
     def _begin(self, connection: Connection, bank: str) -> None:
-        """Take the write lock: a transaction that reads first and writes later would fail under contention."""
-        connection.exec_driver_sql("BEGIN IMMEDIATE")
+        """Take the write lock: a transaction that reads first and writes later would fail under contention.
+
+        SQLite's own waiting sleeps ever longer, so the last to come is served first, and some of eight writers meet
+        the time-out. Here the pauses get shorter the longer a process has waited: none starves.
+        """
+        raw: Any = connection.connection.dbapi_connection
+        began = time.monotonic()
+        raw.execute("PRAGMA busy_timeout=0")
+        try:
+            while True:
+                try:
+                    raw.execute("BEGIN IMMEDIATE")
+                    return
+                except sqlite3.OperationalError as error:
+                    waited = time.monotonic() - began
+                    if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or waited > self._busy_seconds:
+                        raise
+                time.sleep(random.uniform(0.5, 1.5) * max(0.0002, 0.004 * (1 - waited / 0.3)))
+        finally:
+            raw.execute(f"PRAGMA busy_timeout={int(1000 * self._busy_seconds)}")
 
     def _check(self) -> None:
         """Check that the file still exists: a change to a deleted file would be lost."""

@@ -18,7 +18,7 @@ from gvla2.planning.scene import PartJoint, Scene, SceneObject
 from gvla2.skills.mechanisms import CLOSED, hinged, opening_angle, shines
 from gvla2_plugins.geometric.case import Case, InconclusiveError, Score, level_gap, outside_footprint
 
-DONE, LIKELY, DOUBTFUL, MISSED = 1.0, 0.85, 0.4, 0.1
+DONE, LIKELY, DOUBTFUL, MISSED = 1.0, 0.85, 0.4, 0.0
 """Scores: seen to be done; inferred, since something was not seen again; undecided; seen to be missed."""
 
 IN_IT = 0.012  # metres that a holder reaches above an object's foot: perceived heights err by less

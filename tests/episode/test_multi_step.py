@@ -148,7 +148,10 @@ def test_ids_are_those_of_the_scene_as_it_is_now(programmed):
 
 
 def test_a_part_that_failed_ends_the_program_and_replan_begins_all_of_it_again(programmed):
-    parts = programmed(push_then_pick, "memory=none")
+    def place_then_pick(cubes):  # pushes by a direction are not repeated
+        return SkillCall("place", cubes[0], cubes[1], relation="left_of"), SkillCall("pick", cubes[2])
+
+    parts = programmed(place_then_pick, "memory=none")
     verdicts = iter(["verified_fail", "verified_success", "verified_success"])
 
     class Sure:
@@ -156,11 +159,6 @@ def test_a_part_that_failed_ends_the_program_and_replan_begins_all_of_it_again(p
             outcome = next(verdicts)
             return Verdict(outcome, float(outcome.endswith("success")), 1.0, {}, ("as given",), "sure")
 
-    # Pushes by a direction are not repeated; a place beside an object is.
-    parts.planner.program = lambda cubes: (
-        SkillCall("place", cubes[0], cubes[1], relation="beside"),
-        SkillCall("pick", cubes[1]),
-    )
     listener = Listener()
     record = run_episode(replace(parts, verifier=Sure()), EpisodeRequest(seed=3, replan=1), listener)
     (before,) = record.attempts
