@@ -92,8 +92,8 @@ def test_a_learnable_world_has_a_row_a_family_and_a_design_a_world(registry):
 def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys):
     from gvla2.commands.bench import main
 
-    assert main(["perception", "arms=[off]", "--cfg", "job"]) == 1
-    assert "Key 'arms' not in 'PerceptionBench'" in capsys.readouterr().err
+    assert main(["reconstruction", "arms=[off]", "--cfg", "job"]) == 1
+    assert "Key 'arms' not in 'ReconstructionBench'" in capsys.readouterr().err
     assert main(["robt"]) == 1
     assert "Did you mean 'robot'" in capsys.readouterr().err
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from gvla2.component import ComponentConfig, described
 from gvla2.errors import ConfigurationError, did_you_mean
-from gvla2.evaluation.config import SimulatedBench
+from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.results import code_digest
 from gvla2.plugins.kinds import OWN_TASK
 from gvla2.plugins.registry import Registry
@@ -62,7 +62,7 @@ def require_among(place: str, given: Collection[str], known: Collection[str], wh
             )
 
 
-def named_tasks(config: SimulatedBench, registry: Registry) -> list[str]:
+def named_tasks(config: RobotBench, registry: Registry) -> list[str]:
     """The bench's ``tasks``, each once; one with a star, ``suite/*``, stands for those that the robot offers so.
 
     Raises :class:`ConfigurationError` for a pattern that no task of the robot matches.
@@ -83,7 +83,7 @@ def named_tasks(config: SimulatedBench, registry: Registry) -> list[str]:
     return list(found)
 
 
-def task_options(config: SimulatedBench, registry: Registry, name: str) -> dict[str, Any]:
+def task_options(config: RobotBench, registry: Registry, name: str) -> dict[str, Any]:
     """The options of a task by its name, with the bench's ``scale`` unless that is 1; a robot's own tasks have none.
 
     Raises :class:`ConfigurationError` for one that it does not have.

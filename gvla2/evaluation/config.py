@@ -113,32 +113,6 @@ class ReconstructionBench(BranchBench):
 
 
 @dataclass
-class SimulatedBench(BenchConfig):
-    """What suites on a simulated robot share.
-
-    ``tasks`` by name, with ``task_options`` by theirs (``task_options.open_jar.turn=175``); ``episodes`` layouts for
-    each seed; ``scale`` is the objects' size.
-    """
-
-    tasks: list[str] = field(default_factory=list)
-    task_options: dict[str, Any] = field(default_factory=dict)
-    episodes: int = 25
-    scale: float = 1.0
-    depth_noise: DepthNoise = field(default_factory=DepthNoise)
-    robot: ComponentConfig = field(default_factory=ComponentConfig)
-    camera: ComponentConfig = field(default_factory=ComponentConfig)
-    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
-    language: ComponentConfig = field(default_factory=ComponentConfig)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require(
-            (self.episodes >= 1, "episodes is 1 or more."),
-            (0.25 <= self.scale <= 4, "scale lies in [0.25, 4]."),
-        )
-
-
-@dataclass
 class MemoryArms(BenchConfig):
     """Arms that differ in their memory, with the components that memories use.
 
@@ -173,12 +147,13 @@ class MemoryArms(BenchConfig):
 
 
 @dataclass
-class RobotBench(MemoryArms, SimulatedBench, BranchBench):
+class RobotBench(MemoryArms, BranchBench):
     """Every task x arm x layout, judged by both profiles.
 
-    ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn. ``arms`` are by
-    default ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of every task belong
-    to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a different world.
+    ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn; ``task_options``
+    go by their names (``task_options.open_jar.turn=175``), ``scale`` is the objects' size. ``arms`` are by default
+    ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of every task belong to
+    ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a different world.
     Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves.
 
     Experience comes from ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
@@ -194,6 +169,14 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     """
 
     suite: str = "robot"
+    tasks: list[str] = field(default_factory=list)
+    task_options: dict[str, Any] = field(default_factory=dict)
+    episodes: int = 25
+    scale: float = 1.0
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    robot: ComponentConfig = field(default_factory=ComponentConfig)
+    camera: ComponentConfig = field(default_factory=ComponentConfig)
+    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
     world: str = "plain"
     families: int = 2
     layouts: list[int] = field(default_factory=list)
@@ -217,7 +200,8 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
             (self.films in ("none", "failures", "all"), f"films is '{self.films}'; it is none, failures or all."),
             (not below, f"{', '.join(below)} must not be negative."),
             (min(self.layouts, default=0) >= 0, "layouts must not be negative."),
-            (self.families >= 1, "families must be 1 or more."),
+            (min(self.episodes, self.families) >= 1, "episodes and families are 1 or more."),
+            (0.25 <= self.scale <= 4, "scale lies in [0.25, 4]."),
             (0 <= self.planner_timeout < math.inf, "planner_timeout is in seconds, finite, not negative (0: off)."),
             (0 <= self.exploration <= 1, "exploration lies in [0, 1]."),
         )  # fmt: skip
@@ -226,13 +210,6 @@ class RobotBench(MemoryArms, SimulatedBench, BranchBench):
     def usual_arms(self) -> list[str]:
         """Off, on, and the controls."""
         return ["off", "on", "shuffled", "semantic"]
-
-
-@dataclass
-class PerceptionBench(SimulatedBench):
-    """Every task x layout; ``tasks`` are all that need no option by default."""
-
-    suite: str = "perception"
 
 
 @dataclass
@@ -258,7 +235,6 @@ SUITES: Mapping[str, type[BenchConfig]] = MappingProxyType(
     {
         "reconstruction": ReconstructionBench,
         "robot": RobotBench,
-        "perception": PerceptionBench,
         "agents": AgentsBench,
     }
 )

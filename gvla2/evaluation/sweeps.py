@@ -74,7 +74,7 @@ def _cells(members: Sequence[Cell]) -> tuple[SheetCell, ...]:
     if not well:
         return NONE, NONE, text_cell(0), NONE, NONE, jobs
     by_layout: dict[int, list[tuple[float, float]]] = {}
-    for seed, relaxed, strict in (episode for cell in well for episode in cell.notes["layouts"]):
+    for seed, relaxed, strict in (episode for cell in well for episode in cell.notes.get("layouts") or ()):
         by_layout.setdefault(seed, []).append((relaxed, strict))
     rates = [tuple(map(fmean, zip(*some, strict=True))) for some in by_layout.values()]
     episodes = sum(map(len, by_layout.values()))
@@ -89,6 +89,8 @@ def _cells(members: Sequence[Cell]) -> tuple[SheetCell, ...]:
 
 
 def _success(rates: Sequence[float]) -> SheetCell:
-    """The share of successes in per cent, and its interval, of the layouts' rates."""
+    """The share of successes in per cent, and its interval, of the layouts' rates; earlier versions stored none."""
+    if not rates:
+        return NONE
     low, high = wilson_interval(sum(rates), len(rates))
     return SheetCell((f"{100 * fmean(rates):.0f}", f"[{100 * low:.0f}, {100 * high:.0f}]"))

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid
 from gvla2.io.files import write_whole
-from gvla2.robot.mujoco.description import painted
+from gvla2.robot.mujoco.description import add_joint, painted
 from gvla2.robot.mujoco.stepping import DRAWN, silent
 from gvla2.robot.mujoco.truth import model_joint, moving_body, part_label
 from gvla2_plugins.libero.worlds import Sentences, import_benchmark
@@ -26,15 +25,9 @@ SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
 def write_gallery(folder: Path, suites: Sequence[str] = SUITES) -> list[str]:
     """Write the objects and fixtures that the suites' tasks name, from the package's meshes; returns their names.
 
-    A rigid one is NAME.glb, one with joints NAME.urdf with a mesh for each link in the folder NAME. Raises
-    :class:`ConfigurationError` for an unknown suite.
+    A rigid one is NAME.glb, one with joints NAME.urdf with a mesh for each link in the folder NAME.
     """
-    benchmark = import_benchmark()
-    unknown = [suite for suite in suites if suite not in benchmark.task_maps]
-    if unknown:
-        raise ConfigurationError(
-            f"LIBERO has no suite {', '.join(unknown)}; it has {', '.join(benchmark.task_maps)}."
-        )
+    import_benchmark()
     with silent():
         from libero.libero.envs.objects import OBJECTS_DICT
     files = [file for task, file in Sentences().files.items() if task.partition("/")[0] in suites]
@@ -91,7 +84,10 @@ def _write(folder: Path, name: str, model: Any) -> None:
             shape = ET.SubElement(ET.SubElement(link, "visual"), "geometry")
             ET.SubElement(shape, "mesh", filename=file.relative_to(folder).as_posix())
         if owner != root:
-            _write_joint(robot, label, model, data, int(model.body_jntadr[owner]))
+            joint = int(model.body_jntadr[owner])
+            kind = "prismatic" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "revolute"
+            ends, pose = ("base", label), rigid(translation=origin)
+            add_joint(robot, f"{label}_joint", kind, ends, pose, data.xaxis[joint], model.jnt_range[joint])
     ET.indent(robot)
     write_whole(folder / f"{name}.urdf", ET.tostring(robot))
 
@@ -104,20 +100,3 @@ def _link_name(model: Any, data: Any, body: int, whole: str, meshes: Sequence[An
     joint = model_joint(model, data, int(model.body_jntadr[body]))
     points = np.concatenate([mesh.vertices for mesh in meshes])
     return part_label(model.body(body).name, whole.split("_"), joint, points).replace(" ", "_")
-
-
-def _write_joint(robot: ET.Element, link: str, model: Any, data: Any, joint: int) -> None:
-    import mujoco
-
-    slides = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
-    element = ET.SubElement(robot, "joint", name=f"{link}_joint", type="prismatic" if slides else "revolute")
-    ET.SubElement(element, "parent", link="base")
-    ET.SubElement(element, "child", link=link)
-    ET.SubElement(element, "origin", xyz=_text(data.xanchor[joint]))
-    ET.SubElement(element, "axis", xyz=_text(data.xaxis[joint]))
-    low, high = (f"{value:.6g}" for value in model.jnt_range[joint])
-    ET.SubElement(element, "limit", lower=low, upper=high, effort="100", velocity="1")
-
-
-def _text(numbers: Any) -> str:
-    return " ".join(f"{value:.6g}" for value in numbers)

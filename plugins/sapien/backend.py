@@ -8,7 +8,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gvla2.component import check_ranges
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
@@ -18,7 +17,7 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
-from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.arm_from_urdf import ArmModel
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck, judge
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
@@ -29,7 +28,7 @@ from gvla2.robot.workcell import TABLE_RGB, make_cell
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.bodies import import_sapien
 from gvla2_plugins.sapien.driver import SapienDriver
-from gvla2_plugins.sapien.truth import cast_masks, true_scene
+from gvla2_plugins.sapien.truth import true_scene
 from gvla2_plugins.sapien.world import SapienWorld
 
 SHOWN_SIZE = 640
@@ -218,14 +217,6 @@ class SapienArm:
         return true_scene(
             self._sane_world("read"), self._layout, self._cell.table_height, self._arm.workspace
         )
-
-    def true_masks(self, observation: Observation) -> tuple[tuple[str, ...], list[NDArray[np.int32]]]:
-        """The object in each pixel of the observation's cameras, by :func:`cast_masks`; for measuring perceivers."""
-        world = self._sane_world("read")
-        cameras = [view.camera for view in observation.views]
-        arm = self._robot.cast(cameras, world.link_poses(self._robot.links))
-        poses = {body.name: world.pose(body.name) for body in self._layout.bodies}
-        return cast_masks(cameras, arm, self._layout.bodies, poses, self._cell.table)
 
     def close(self) -> None:
         """Release the world; the arm's model stays, and :meth:`reset` makes a new world."""

@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
 from gvla2_plugins.sapien import SapienArmConfig
@@ -67,12 +66,6 @@ class SapienDriver:
 
         The force that ``stop`` gets is the wrist's, the mean of the last physics steps.
         """
-        samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
-        if samples.shape[1] != len(self._world.joints) or not np.isfinite(samples).all() or dt <= 0:
-            raise RobotError(
-                f"The arm follows finite joint samples (T, {len(self._world.joints)}) at dt > 0, got shape "
-                f"{samples.shape} at dt={dt}."
-            )
         self._begin()
         self._stop = stop
         self._felt.clear()

@@ -1,19 +1,15 @@
-"""The true scene and masks of the simulated world: for the ``oracle`` perceiver and measurements."""
+"""The true scene of the simulated world: for the ``oracle`` perceiver."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.perception.objects import footprint, opening_of
 from gvla2.planning.colours import nearest_colours
@@ -21,49 +17,8 @@ from gvla2.planning.scene import Box, KnownShape, Scene, SceneObject, Shape
 from gvla2.robot.looks import body_surface
 from gvla2.robot.scan import Scan
 from gvla2.robot.solids import extent
-from gvla2.robot.task import Body, Layout, Solid
+from gvla2.robot.task import Body, Layout
 from gvla2_plugins.sapien.world import SapienWorld
-
-
-def cast_masks(
-    cameras: Sequence[Camera],
-    robot: Sequence[RayImage],
-    bodies: Sequence[Body],
-    world_from_body: Mapping[str, FloatArray],
-    scenery: Body,
-) -> tuple[tuple[str, ...], list[NDArray[np.int32]]]:
-    """The names of bodies and their named parts, and one image (H, W) per camera of indices into the names.
-
-    -1 is where none of them is seen: the robot (``robot``, its own images by the same cameras) and ``scenery`` hide
-    what is behind them. Poses (4, 4) go by the bodies' names; a part is called ``body/label``, as in
-    :func:`true_scene`, and its pixels are not the body's.
-    """
-    names: list[str] = []
-    surfaces: list[Surface] = []
-    poses: dict[int, FloatArray] = {}
-    for body in bodies:
-        for piece, solids in _pieces(body):
-            poses[len(surfaces)] = world_from_body[body.name]
-            names.append(piece)
-            surfaces.append(replace(body_surface(replace(body, solids=solids)), id=len(surfaces)))
-    poses[len(surfaces)] = scenery.world_from_body
-    surfaces.append(replace(body_surface(scenery), id=len(surfaces)))
-    images = []
-    for arm, objects in zip(robot, RayCaster(surfaces).cast(cameras, poses), strict=True):
-        nearer = np.isfinite(arm.depth) & ~(objects.depth < arm.depth)
-        images.append(np.where(nearer | (objects.ids == len(names)), -1, objects.ids).astype(np.int32))
-    return tuple(names), images
-
-
-def _pieces(body: Body) -> list[tuple[str, tuple[Solid, ...]]]:
-    """The body's solids that belong to no part, then those of each part; a solid belongs to the first that names it."""
-    left = dict(enumerate(body.solids))
-    parts = [
-        (f"{body.name}/{label}", tuple(left.pop(i) for i in numbers if i in left))
-        for label, numbers in body.parts
-    ]
-    return [(piece, solids) for piece, solids in [(body.name, tuple(left.values())), *parts] if solids]
-
 
 POINTS = 1500
 """Points of an object's surface."""

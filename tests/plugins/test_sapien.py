@@ -124,8 +124,8 @@ def test_nothing_works_before_reset_or_after_close():
         ({"cameras": ["front", "top"]}, "front, left_shoulder, right_shoulder, wrist"),
         ({"cameras": []}, "one or more"),
         ({"cameras": ["wrist", "wrist"]}, "different"),
-        ({"image_size": 0}, "image_size=0"),
-        ({"physics_rate": -1}, "physics_rate=-1"),
+        ({"image_size": 0}, "image_size is 0"),
+        ({"physics_rate": -1}, "physics_rate is -1"),
     ],
 )
 def test_senseless_options_are_refused(options, message):

@@ -26,10 +26,6 @@ def suite_named(name: str) -> type[Suite[Any, Any]]:
         from gvla2.evaluation.suites.robot import RobotSuite
 
         return RobotSuite
-    if name == "perception":
-        from gvla2.evaluation.suites.perception import PerceptionSuite
-
-        return PerceptionSuite
     if name == "agents":
         from gvla2.evaluation.suites.agents import AgentsSuite
 

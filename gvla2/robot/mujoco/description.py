@@ -85,9 +85,8 @@ def write_urdf(model: Any, names: ArmNames, speed: float) -> Path:
             links[body] = ET.SubElement(robot, "link", name=_name(model, body))
             if parent != body:
                 at = link_from_body @ rigid(translation=origin)
-                _add_joint(
-                    robot, model, (parent, body), at, joint if joint and joint.name in moving else None, speed
-                )
+                own = joint if joint and joint.name in moving else None
+                _link(robot, model, (parent, body), at, own, speed)
             place[body] = body, rigid(translation=-origin)
         else:  # a body that is fixed to another is a part of its link
             place[body] = parent, link_from_body
@@ -113,26 +112,42 @@ def _joint_of(model: Any, body: int) -> Any:
     return model.joint(first) if count else None
 
 
-def _add_joint(
+def add_joint(
+    robot: ET.Element,
+    name: str,
+    kind: str,
+    ends: tuple[str, str],
+    pose: FloatArray,
+    axis: Any = (0, 0, 1),
+    limits: Sequence[float] = (),
+    speed: float = 1.0,
+) -> None:
+    """A URDF joint between two links by name; ``pose`` (4, 4) is the child's in the parent's link."""
+    element = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(element, "parent", link=ends[0])
+    ET.SubElement(element, "child", link=ends[1])
+    ET.SubElement(element, "origin", _origin(pose))
+    if kind != "fixed":
+        low, high = map(float, limits)
+        ET.SubElement(element, "axis", xyz=_text(axis))
+        ET.SubElement(element, "limit", lower=str(low), upper=str(high), velocity=str(speed), effort="100")
+
+
+def _link(
     robot: ET.Element, model: Any, ends: tuple[int, int], pose: FloatArray, joint: Any, speed: float
 ) -> None:
-    """A joint between two bodies' links; ``pose`` (4, 4) is the child's in the parent's link; None for a fixed one."""
-    kind = "fixed" if joint is None else {2: "prismatic", 3: "revolute"}[int(joint.type[0])]
-    name = f"{_name(model, ends[1])}_mount" if joint is None else joint.name
-    element = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(element, "parent", link=_name(model, ends[0]))
-    ET.SubElement(element, "child", link=_name(model, ends[1]))
-    ET.SubElement(element, "origin", _origin(pose))
+    """The joint of the model between two bodies' links; None for a fixed one."""
+    names = _name(model, ends[0]), _name(model, ends[1])
     if joint is None:
+        add_joint(robot, f"{names[1]}_mount", "fixed", names, pose)
         return
     low, high = joint.range
     if not low < high:
         raise RobotError(f"The joint {joint.name} of the model has no limits; give it a range.")
-    sign = 1.0
+    kind, axis = {2: "prismatic", 3: "revolute"}[int(joint.type[0])], joint.axis
     if kind == "prismatic" and -low > high:  # two fingers may open by opposite signs: here both open upwards
-        low, high, sign = -high, -low, -1.0
-    ET.SubElement(element, "axis", xyz=_text(sign * joint.axis))
-    ET.SubElement(element, "limit", lower=str(low), upper=str(high), velocity=str(speed), effort="100")
+        low, high, axis = -high, -low, -axis
+    add_joint(robot, joint.name, kind, names, pose, axis, (low, high), speed)
 
 
 def _add_geometry(link: ET.Element, model: Any, geom: int, link_from_body: FloatArray) -> None:
@@ -202,7 +217,9 @@ def painted(model: Any, data: Any, body: int, groups: Sequence[int]) -> list[Any
         shape, uv = _drawn_shape(model, geom)
         if shape is None:
             continue
-        if uv is None and image is not None:
+        if image is None:
+            uv = None
+        elif uv is None:
             rgba[:3] *= np.asarray(image).reshape(-1, 3).mean(axis=0) / 255
             image = None
         paint = np.rint(255 * np.array([*rgba[:3], 1.0])).astype(np.uint8)

@@ -9,7 +9,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
@@ -136,11 +135,6 @@ class WorldDriver:
 
         ``stop`` is asked once a step and feels no force.
         """
-        samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
-        if not np.isfinite(samples).all() or dt <= 0:
-            raise RobotError(
-                f"The arm follows finite joint samples at dt > 0, got {samples.shape} at dt={dt}."
-            )
         # The opening was measured: it must not release what the fingers squeeze at just that width.
         measured = self.width / self._max_width
         short = measured > self._opening + STOPPED_SHORT / self._max_width
