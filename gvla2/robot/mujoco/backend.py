@@ -11,8 +11,7 @@ from gvla2.errors import ConfigurationError, RobotError, SimulationError, did_yo
 from gvla2.geometry.views import Observation, View, Viewpoint, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
-from gvla2.robot.arm_from_urdf import UrdfArm, arm_from_urdf
-from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.arm_from_urdf import ArmModel, UrdfArm, arm_from_urdf
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.executor import ExecutorOptions, execute
 from gvla2.robot.mujoco.description import world_from_base, write_urdf
