@@ -87,7 +87,7 @@ def test_a_server_that_fails_is_a_failure_of_the_model(name, answering):
     [
         *((agent3d.Agent3dConfig, o) for o in ({"tries": 0}, {"programs": -1})),
         *((code_policies.CodePoliciesConfig, o) for o in ({"programs": -1}, {"calls": 0})),
-        *((robopoint.RoboPointConfig, o) for o in ({"longest": 3}, {"scale": 0.0}, {"agreement": 0.0})),
+        *((robopoint.RoboPointConfig, o) for o in ({"longest": 3}, {"scale": 0.0})),
         *((voxposer.VoxPoserConfig, o) for o in ({"margin": 0.0}, {"obstacles": float("nan")})),
     ],
 )
