@@ -10,8 +10,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.options import TaskConfig
-from gvla2.robot.placing import distinct, planar, sample_root
-from gvla2.robot.solids import body_points
+from gvla2.robot.solids import body_points, distinct, planar, sample_root
 from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite
 
 MOST = 12

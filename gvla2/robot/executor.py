@@ -6,7 +6,7 @@ import contextlib
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.arm import Attachment
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Trajectory, Waypoint
-from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.arm_from_urdf import ArmModel
 from gvla2.robot.backend import ExecutionListener
 from gvla2.robot.driver import Driver, DriverState, MoveResult
 from gvla2.robot.motion import MotionFailure, plan_motion
@@ -72,30 +72,30 @@ class _Abort(Exception):  # noqa: N818 - it ends the loop and becomes a report
         self.code = code
 
 
+@dataclass
 class _Run:
     """One execution: what was measured, what is carried, what was reported."""
 
-    def __init__(
-        self,
-        trajectory: Trajectory,
-        scene: Scene,
-        arm: ArmModel,
-        driver: Driver,
-        listener: ExecutionListener,
-        options: ExecutorOptions,
-    ) -> None:
-        self.trajectory, self.given, self.world = trajectory, scene, CarriedScene(scene)
-        self.arm, self.driver = arm, driver
-        self.listener, self.options = listener, options
-        self.reports: list[WaypointReport] = []
-        self.joint_path: list[tuple[float, ...]] = []
-        self.poses: list[FloatArray] = []
+    trajectory: Trajectory
+    given: Scene
+    arm: ArmModel
+    driver: Driver
+    listener: ExecutionListener
+    options: ExecutorOptions
+    reports: list[WaypointReport] = field(default_factory=list)
+    joint_path: list[tuple[float, ...]] = field(default_factory=list)
+    poses: list[FloatArray] = field(default_factory=list)
+    holds: bool | None = False
+    opening: float = 1.0  # commanded, in [0, 1]
+    closed_at: FloatArray = field(
+        default_factory=lambda: np.eye(4)
+    )  # tool pose at which the fingers last closed
+    began: float | None = None  # the robot's clock when it set out for this waypoint
+
+    def __post_init__(self) -> None:
+        self.world = CarriedScene(self.given)
         self.last = DriverState(self.arm.home, 0.0)  # the last plausible measurement
-        self.holds: bool | None = False
-        self.opening = 1.0  # commanded, in [0, 1]
-        self.closed_at = np.eye(4)  # tool pose at which the fingers last closed
-        self.now = _begun(0, next(iter(trajectory), Waypoint((0.0, 0.0, 0.0), 0.0, "")))
-        self.began: float | None = None  # the robot's clock when it set out for this waypoint
+        self.now = _begun(0, next(iter(self.trajectory), Waypoint((0.0, 0.0, 0.0), 0.0, "")))
 
     def through(self) -> ExecutionReport:
         """All waypoints, to the end or the first abort."""

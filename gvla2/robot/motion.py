@@ -13,7 +13,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Attachment
 from gvla2.planning.scene import Scene
-from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.arm_from_urdf import ArmModel
 from gvla2.robot.collision import CollisionChecker
 from gvla2.robot.kinematics import library
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
-from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.arm_from_urdf import ArmModel
 from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
 from gvla2_plugins.piper.arm import MAX_WIDTH, PERIOD
 from gvla2_plugins.piper.link import PiperLink

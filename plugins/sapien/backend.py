@@ -17,7 +17,7 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
-from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.arm_from_urdf import ArmModel
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck, judge
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute

@@ -12,8 +12,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.placing import at, sample_until
-from gvla2.robot.solids import tray
+from gvla2.robot.solids import at, sample_until, tray
 from gvla2.robot.task import Body, Joint, Layout, TaskInstance
 from gvla2_plugins.tabletop import OpenBoxConfig, ScaledConfig
 from gvla2_plugins.tabletop.scenes import DOWN, UP, Draw, TabletopTask, box, lifted, scaled

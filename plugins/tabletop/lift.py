@@ -6,8 +6,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.placing import clear, planar, sample_until
-from gvla2.robot.solids import Volume, body_points, cup, on, tray
+from gvla2.robot.solids import Volume, body_points, clear, cup, on, planar, sample_until, tray
 from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.scenes import DOWN, PAINT, Draw, Rgb, TabletopTask, box, cylinder, lifted, scaled

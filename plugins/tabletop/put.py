@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.placing import at, clear, planar, sample_until
-from gvla2.robot.solids import Volume, on, tray
+from gvla2.robot.solids import Volume, at, clear, on, planar, sample_until, tray
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.scenes import (

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.placing import distinct, sample_root, sample_until
+from gvla2.robot.solids import distinct, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 

@@ -7,8 +7,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.placing import at, clear, sample_until
-from gvla2.robot.solids import Volume, on
+from gvla2.robot.solids import Volume, at, clear, on, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, Thread, WorldState
 from gvla2_plugins.tabletop import OpenJarConfig, ScaledConfig
 from gvla2_plugins.tabletop.scenes import UP, Draw, TabletopTask, box, cylinder, lifted, scaled, square

@@ -7,8 +7,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.placing import at, sample_until
-from gvla2.robot.solids import Volume, square_ring
+from gvla2.robot.solids import Volume, at, sample_until, square_ring
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.scenes import DOWN, PAINT, Draw, TabletopTask, box, scaled

@@ -14,9 +14,8 @@ from scipy.spatial import ConvexHull, QhullError
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.perception.objects import opening_of
-from gvla2.robot.placing import clear, planar, sample_root, sample_until
 from gvla2.robot.scan import Scan, mesh_library, read_scan, scanned_body, spoken
-from gvla2.robot.solids import body_points, lowest
+from gvla2.robot.solids import body_points, clear, lowest, planar, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Profile, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
 

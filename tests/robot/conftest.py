@@ -11,7 +11,7 @@ import pytest
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
-from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.arm_from_urdf import ArmModel
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
 from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig

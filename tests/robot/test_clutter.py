@@ -7,8 +7,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.clutter import GAP, cluttered
 from gvla2.robot.options import TaskConfig
-from gvla2.robot.placing import planar
-from gvla2.robot.solids import body_points
+from gvla2.robot.solids import body_points, planar
 from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, TaskSite
 from gvla2.testing.robot import check_task
 

@@ -139,14 +139,15 @@ def _link(
     """The joint of the model between two bodies' links; None for a fixed one."""
     names = _name(model, ends[0]), _name(model, ends[1])
     if joint is None:
-        return add_joint(robot, f"{names[1]}_mount", "fixed", names, pose)
+        add_joint(robot, f"{names[1]}_mount", "fixed", names, pose)
+        return
     low, high = joint.range
     if not low < high:
         raise RobotError(f"The joint {joint.name} of the model has no limits; give it a range.")
     kind, axis = {2: "prismatic", 3: "revolute"}[int(joint.type[0])], joint.axis
     if kind == "prismatic" and -low > high:  # two fingers may open by opposite signs: here both open upwards
         low, high, axis = -high, -low, -axis
-    return add_joint(robot, joint.name, kind, names, pose, axis, (low, high), speed)
+    add_joint(robot, joint.name, kind, names, pose, axis, (low, high), speed)
 
 
 def _add_geometry(link: ET.Element, model: Any, geom: int, link_from_body: FloatArray) -> None:
