@@ -42,6 +42,8 @@ from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
 LEAST = 40
 """Least seen points for an object to be recognised."""
+THIN = 0.004
+"""Height above the table, metres, below which a body is paint or an edge of the table to every camera."""
 LEAST_SHARED = 0.12
 """Overlap of the colour histograms below which a scan is not tried."""
 REFINED, THOROUGH = 6, 2
@@ -54,6 +56,8 @@ FLOATS = 0.015
 """A body whose lowest seen points are this high above the table, metres, stands on something."""
 LARGER, WITH_OTHERS = 1.05, 1.4
 """How much longer than a scan a body may be that is that object, and one that may have remainders of others in it."""
+PLAIN = 6.0
+"""Log-odds from which an object is plainly one that stands on the table: others may lean on a neighbour."""
 LAYER = 0.015
 """Steps of height in which what stands on something else is looked for, metres."""
 RARE, LEAST_THERE = 0.001, 0.5
@@ -118,16 +122,18 @@ class Gallery:
 
         The object is as large as its scan, unseen sides included.
         """
-        if len(points) < LEAST:
+        if len(points) < LEAST or np.percentile(points[:, 2], 98.0) < table + THIN:
             return None
         seen = seen_surface(points, sights, table)
         floats = float(np.percentile(points[:, 2], 2.0)) > table + FLOATS
         fits = self.fits([seen])
         naming = self._named(fits)
-        stacked = floats or not naming.label or naming.sureness < SURE_ENOUGH
-        if stacked:
-            fits = self.fits(_slabs(seen, sights), 0.5 * LAYER)
-            naming = self._named(fits)
+        unsure = floats or not naming.label or naming.sureness < SURE_ENOUGH
+        stacked = False
+        if unsure or fits[0].odds < PLAIN:
+            others = self.fits(_slabs(seen, sights), 0.5 * LAYER)
+            if unsure or (others and likelihood(others[0]) > likelihood(fits[0])):
+                stacked, fits, naming = True, others, self._named(others)
         if not naming.label or naming.sureness < SURE_ENOUGH:
             return None
         return replace(self._recognised(fits[0], naming, points, rgb, table), stacked=stacked)
@@ -167,7 +173,7 @@ class Gallery:
             return found
         fits = [fit for scan in large if (fit := find_large(scan, grid, sights, table)) is not None]
         free = np.ones(len(points), dtype=bool)
-        for fit in sorted(fits, key=_likelihood, reverse=True):
+        for fit in sorted(fits, key=likelihood, reverse=True):
             odds = fit.odds
             own = on_scan(fit, points)
             if odds <= 0.0 or own.sum() < LEAST_SHOWN or (own & free).sum() < MOSTLY * own.sum():
@@ -202,20 +208,20 @@ class Gallery:
         starts.sort(key=lambda each: each[0])
 
         def best(scan: KnownScan, seen: SeenPoints, poses: list[FloatArray]) -> Fit:
-            return max((judged(scan, seen, refined(scan, seen, pose)) for pose in poses), key=_likelihood)
+            return max((judged(scan, seen, refined(scan, seen, pose)) for pose in poses), key=likelihood)
 
         few = REFINED if len(looks) == 1 else 2 * REFINED
         fits = [(best(scan, seen, poses[:1]), seen, poses[1:]) for _, scan, seen, poses in starts[:few]]
-        fits.sort(key=lambda each: _likelihood(each[0]), reverse=True)
+        fits.sort(key=lambda each: likelihood(each[0]), reverse=True)
         found: dict[str, Fit] = {}
         for number, (fit, seen, more) in enumerate(fits):
             if fit.scan.name in found:
                 continue
             if number < THOROUGH:
-                fit = turned(fit if not more else max(fit, best(fit.scan, seen, more), key=_likelihood), seen)
+                fit = turned(fit if not more else max(fit, best(fit.scan, seen, more), key=likelihood), seen)
                 fit = levelled(fit, seen)
             found[fit.scan.name] = fit
-        return sorted(found.values(), key=_likelihood, reverse=True)
+        return sorted(found.values(), key=likelihood, reverse=True)
 
     def _starts(
         self, seen: SeenPoints, taller: float, larger: float
@@ -251,7 +257,7 @@ def _slabs(seen: SeenPoints, sights: Sights) -> list[SeenPoints]:
     return found
 
 
-def _likelihood(fit: Fit) -> float:
+def likelihood(fit: Fit) -> float:
     """Log-odds of a fit among others that may have been laid onto more or fewer of the same points."""
     return fit.odds + MORE * float(np.log(max(fit.support, 1.0)))
 

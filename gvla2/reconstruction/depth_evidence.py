@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.compiled import fused
@@ -265,8 +265,6 @@ GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
 OFF_SCALE = 0.1
 """How far the factor between a prior's depth and the masks is from 1, up or down, where it is reported."""
-_THROUGH = 4.0
-"""Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
 _DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5
 """Standard deviations behind a cap that refute a pixel; relative errors above are no noise; least number of caps."""
 _NODES = np.linspace(-3.0, 3.0, 25)
@@ -324,7 +322,6 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         aligned, refuted = refute_by_caps(align(depth, solid, seen, caps), solid, caps)
     believed = _within_hull(aligned, front, back)
     normals = np.stack([surface_normals(d, r) for d, r in zip(believed, seen.rays, strict=True)])
-    refuted |= looked_through(believed, aligned.std, seen)
     with np.errstate(divide="ignore", invalid="ignore"):
         weight = np.where(refuted, 0.0, np.nan_to_num(confidence / aligned.std**2))
     if not (weight > 0).any():
@@ -384,39 +381,6 @@ def solid_pixels(depth: FloatArray, jump: float) -> NDArray[np.bool_]:
     known = np.isfinite(depth)
     inner = minimum_filter(known, (1, 3, 3), mode="constant", cval=False)
     return np.asarray(inner & ~(bend >= jump))
-
-
-def looked_through(depth: FloatArray, std: FloatArray, seen: ViewSet) -> NDArray[np.bool_]:
-    """(S, H, W) pixels that look through more points of other views' surfaces than they agree with.
-
-    They would carve away what the others see: outliers that lie too deep. Beyond an edge nothing is seen through.
-    """
-    found = np.zeros(depth.shape, dtype=np.bool_)
-    usual = float(np.nanmedian(std))
-    known = np.isfinite(depth)
-    points = [
-        view.camera.position + rays[k] * d[k][:, None]
-        for view, rays, d, k in zip(seen.views, seen.rays, depth, known, strict=True)
-    ]
-    height, width = depth.shape[1:]
-    for s, view in enumerate(seen.views):
-        least = minimum_filter(np.where(known[s], depth[s], np.inf), 3)
-        balance = np.zeros(height * width)
-        for t in range(len(depth)):
-            if t == s:
-                continue
-            uv, z = view.camera.project(points[t])
-            inside = view.camera.inside(uv)
-            (column, row), z = uv[inside].astype(np.intp).T, z[inside]
-            apart = z / least[row, column] - 1
-            vote = np.where(
-                apart < -_THROUGH * usual - 0.02, 1.0, np.where(apart < _THROUGH * usual + 0.02, -1.0, 0.0)
-            )
-            balance += np.bincount(
-                row * width + column, vote * np.isfinite(least[row, column]), height * width
-            )
-        found[s] = uniform_filter(balance.reshape(height, width), 3) > 0.1
-    return found
 
 
 def _checked(estimate: GeometryEstimate, views: Views) -> tuple[FloatArray, FloatArray]:

@@ -103,9 +103,11 @@ def _take_apart(
     if (plate := leaning_plate(obj)) is not None:
         return [plate]
     cuts = split_by_height(obj.points, max(12, min_points // 2))
+    if len(cuts) < 2:
+        return [obj]
     parts = _absorb(pixels, [shape_object(frames, pixels, obj.members[cut], gap) for cut in cuts])
     explained = np.average([p.agreement for p in parts], weights=[len(p.members) for p in parts])
-    return parts if len(cuts) > 1 and explained > obj.agreement + 0.05 else [obj]
+    return parts if explained > obj.agreement + 0.05 else [obj]
 
 
 def rest_on_each_other(objects: Sequence[SeenObject], hand: FloatArray) -> list[SeenObject]:

@@ -15,7 +15,7 @@ from gvla2.geometry.views import Views
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.fitting import Sights, sights_of
 from gvla2.perception.fixtures import spread
-from gvla2.perception.gallery import AROUND, FLOATS, MOSTLY, Gallery, Recognised, on_scan
+from gvla2.perception.gallery import AROUND, FLOATS, MOSTLY, Gallery, Recognised, likelihood, on_scan
 from gvla2.perception.labels import Labeller
 from gvla2.perception.objects import MOST_POINTS
 from gvla2.planning.scene import SceneObject
@@ -50,6 +50,7 @@ def known_objects(
     sights, left = sights_of(views), [mask.copy() for mask in raised]
     accepted: list[Recognised] = []
     for layer in range(LAYERS + 1):
+        before = list(accepted)
         pixels = choose(frames, left)
         points = transform_points(world_from_table, pixels.points)
         explained = np.zeros(len(points), dtype=bool)
@@ -82,9 +83,10 @@ def known_objects(
                     mine[its] = own[its] | (not one.stacked and own[its].mean() > WHOLE)
                     found.append((one, mine))
                     accepted.append(one)
-                    explained |= own | mine
+        found = [(one, mine) for one, mine in found if not any(_displaces(other, one) for other in accepted)]
+        accepted = [*before, *(one for one, _ in found)]
         for one, mine in found:
-            explained |= one.explains(points)
+            explained |= one.explains(points) | mine
             whole = replace(one.object, id=f"known{len(known)}", points=evenly(points[mine], MOST_POINTS))
             ids = {one.object.id: whole.id} | {p.id: f"{whole.id}.{k}" for k, p in enumerate(one.parts)}
             known.append(whole)
@@ -99,11 +101,18 @@ def known_objects(
 
 def _remainder(obj: SceneObject, points: FloatArray, known: Sequence[Recognised]) -> bool:
     """Whether an object of points (N, 3) is only what a known one left: inside a solid one, or along its surface."""
-    return any(
-        (one.object.known is not None and not one.object.opening and one.object.distances(obj.centre) == 0.0)
-        or on_scan(one.fit, points, AROUND).mean() > MOSTLY
-        for one in known
-    )
+    return any(_within(obj, one) or on_scan(one.fit, points, AROUND).mean() > MOSTLY for one in known)
+
+
+def _within(obj: SceneObject, known: Recognised) -> bool:
+    """Whether an object's middle is inside a known solid one, where nothing else can be."""
+    solid = known.object.known is not None and not known.object.opening
+    return solid and known.object.distances(obj.centre) == 0.0
+
+
+def _displaces(one: Recognised, other: Recognised) -> bool:
+    """Whether two objects are in the same place, and the first is the likelier one."""
+    return one is not other and _within(other.object, one) and likelihood(one.fit) > likelihood(other.fit)
 
 
 def _two(

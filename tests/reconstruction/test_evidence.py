@@ -13,7 +13,6 @@ from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_evidence import (
     Aligned,
     gather,
-    looked_through,
     refute_by_caps,
 )
 from gvla2.reconstruction.view_set import ViewSet
@@ -95,19 +94,6 @@ def test_depth_in_another_unit_is_reported(views, seen):
     assert "is it in metres?" in summary
     assert 0.0009 < float(summary.split("times ")[1].split(":")[0]) < 0.0011
     assert "in metres" not in gather(given, seen).summary
-
-
-def test_a_patch_that_looks_through_what_others_see_is_left_out(views, seen):
-    depth = exact(views)
-    rows, columns = np.nonzero(np.isfinite(depth[0]))
-    middle = int(rows.mean()), int(columns.mean())
-    patch = np.zeros(depth[0].shape, dtype=bool)
-    patch[middle[0] - 4 : middle[0] + 5, middle[1] - 4 : middle[1] + 5] = True
-    depth[0][patch] *= 1.15
-    found = looked_through(depth, np.full(depth.shape, 1e-3), seen)
-    assert found[0][patch].mean() > 0.3
-    assert found[0][~patch & np.isfinite(depth[0])].mean() < 0.03
-    assert looked_through(exact(views), np.full(depth.shape, 1e-3), seen).mean() < 0.01
 
 
 def test_what_cannot_be_used_says_why(views, seen):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError, did_you_mean
-from gvla2.geometry.views import Observation, Viewpoint, Views
+from gvla2.geometry.views import Observation, View, Viewpoint, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.arm_from_urdf import ArmModel, UrdfArm, arm_from_urdf
@@ -26,6 +26,10 @@ from gvla2.robot.task import Task, TaskInstance, WorldState
 JUDGE_STEPS = 100
 """Steps, within those that the world allows, that the arm holds still before a task counts as failed: what was let go
 must come to rest, and LIBERO's objects fall slowly."""
+PAUSE, PAUSES = 2, 20
+"""Steps between two pictures that are compared, and how often they are at most."""
+MOVED, FEW = 0.001, 0.001
+"""Metres of depth by which a pixel shows motion, and the share of pixels that may."""
 
 _SILENT = ExecutionListener()
 
@@ -105,10 +109,21 @@ class MujocoArm:
         self._world, self._task = world, task
 
     def observe(self) -> Observation:
-        """RGB-D views of the cameras, the robot's own pixels cast from its model, and the measured hand."""
+        """RGB-D views of the cameras, the robot's own pixels cast from its model, and the measured hand.
+
+        The first look waits until the cameras see nothing move: initial states may have objects that still fall.
+        """
         driver, eyes, made = self._ready("observed")
-        size, joints, width = self._config.image_size, driver.joints, driver.width
-        views = made.mask([eyes.view(name, size) for name in eyes.cameras], joints, width)
+        size, first = self._config.image_size, driver.world.steps == 0
+        looks = [eyes.view(name, size) for name in eyes.cameras]
+        for _ in range(PAUSES if first else 0):
+            before = looks
+            driver.hold(PAUSE)
+            looks = [eyes.view(name, size) for name in eyes.cameras]
+            if not any(_differ(one, other) for one, other in zip(before, looks, strict=True)):
+                break
+        joints, width = driver.joints, driver.width
+        views = made.mask(looks, joints, width)
         opening = float(np.clip(width / made.arm.hand.max_width, 0.0, 1.0))
         viewpoint: Viewpoint = "facing" if self._config.viewpoint == "facing" else "robot"
         return Observation(
@@ -169,3 +184,10 @@ class MujocoArm:
                 f"The simulation has blown up and cannot be {done}: this episode is not measured. reset starts anew."
             )
         return self._driver, self._eyes, self._made
+
+
+def _differ(one: View, other: View) -> bool:
+    """Whether something moved between two pictures of a camera."""
+    assert one.depth is not None
+    assert other.depth is not None
+    return bool((np.abs(one.depth - other.depth) > MOVED).mean() > FEW)
