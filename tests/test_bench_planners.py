@@ -13,7 +13,7 @@ import pytest
 from gvla2.commands.bench import run_bench
 from gvla2.commands.report import ReportConfig, job
 from gvla2.episode.record import EpisodeRecord, Failure
-from gvla2.evaluation.arms import Experience
+from gvla2.evaluation.arms import Story
 from gvla2.evaluation.suites import robot
 from gvla2.evaluation.suites.robot_episodes import cells_of, spent_on
 from gvla2.memory.bank import KnowledgeBank
@@ -35,11 +35,11 @@ def rows_of(folder: Path, profile: str = "relaxed") -> list[dict]:
     return [row for row in rows if row["profile"] == profile]
 
 
-def experience(task: str, planner: str, seed: int) -> Experience:
+def story(task: str, planner: str, seed: int) -> Story:
     lesson = Lesson("procedural_hint", f"{planner} did {task} well.")
     asked = MemoryTask(f"do {task}", {"objects": 1.0}, "pick", ("red cube box",))
     verdict = Verdict.from_criteria({"completion": 1.0}, verifier="made up")
-    return Experience(task, seed, MemoryEpisode(asked, (lesson,), source=f"{task}-{seed}"), verdict)
+    return MemoryEpisode(asked, (lesson,), source=f"{task}-{seed}"), verdict
 
 
 @pytest.fixture
@@ -58,8 +58,8 @@ def units(monkeypatch):
             success_check=SuccessCheck(won, strict=False),
             failure=None if won else Failure("execute", "slipped", "It slipped."),
         )
-        learned = [experience(unit.subject, name, unit.layout)] if unit.arm.name == "exploration" else []
-        return cells_of(unit, record, 1.0, learned)
+        explored = unit.arm.name == "exploration"
+        return cells_of(unit, record, 1.0, (story(unit.subject, name, unit.layout),) if explored else ())
 
     monkeypatch.setattr(robot, "run_unit", pretend)
     return ran

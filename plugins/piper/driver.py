@@ -74,11 +74,6 @@ class PiperDriver:
         self, samples: FloatArray, dt: float, gripper: float, stop: StopRule | None = None
     ) -> MoveResult:
         """Send the arm through joint targets (T, 6), radians, one every ``dt`` seconds, then settle."""
-        samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
-        if samples.shape[1] != 6 or not np.isfinite(samples).all() or dt <= 0:
-            raise RobotError(
-                f"The Piper follows finite joint samples (T, 6), got {samples.shape} at dt={dt}."
-            )
         self._guard.check(samples)
         ticks = _ticks(self._loop.target, samples, dt, self._link.bounds.step)
         self._loop.move(ticks, self._watcher)
