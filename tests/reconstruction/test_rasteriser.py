@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError
+from gvla2.geometry import compiled
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.transform import look_along
-from gvla2.reconstruction import compiled
 from gvla2.reconstruction import rasteriser as rasteriser_module
 from gvla2.reconstruction.rasteriser import Rasteriser
 
