@@ -67,6 +67,12 @@ class Gaussians:
         return np.asarray(0.5 + SH_C0 * self.sh_dc, dtype=np.float32)
 
     @property
+    def opacities(self) -> NDArray[np.float32]:
+        """(N,) in [0, 1]."""
+        # tanh does not overflow for any logit.
+        return np.asarray(0.5 + 0.5 * np.tanh(0.5 * self.opacity_logits), dtype=np.float32)
+
+    @property
     def scales(self) -> NDArray[np.float32]:
         """(N, 3) standard deviations along the Gaussian's own axes, metres."""
         return np.asarray(np.exp(self.log_scales), dtype=np.float32)

@@ -108,7 +108,7 @@ def test_broken_files_are_named_and_explained(tmp_path: Path) -> None:
         read_gaussians(path)
 
 
-def test_colour_and_scale_are_decoded() -> None:
+def test_colour_opacity_and_scale_are_decoded() -> None:
     gaussians = Gaussians(
         np.zeros((3, 3)),
         np.log([[1, 2, 3]] * 3),
@@ -117,6 +117,7 @@ def test_colour_and_scale_are_decoded() -> None:
         [[0, 1, -1]] * 3,
     )
     assert np.allclose(gaussians.rgb[0], [0.5, 0.7820948, 0.2179052])
+    assert gaussians.opacities.tolist() == [0.5, 1.0, 0.0]
     assert np.allclose(gaussians.scales, [[1, 2, 3]])
     assert len(gaussians) == 3
 
