@@ -124,6 +124,15 @@ class EpisodeListener(Protocol):
 class SilentListener(EpisodeListener):
     """Ignores everything."""
 
+    def begin(self, stage: Stage) -> None:
+        """Ignored."""
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        """Ignored."""
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """Ignored."""
+
     @property
     def wants_frames(self) -> bool:
         """Whether a subclass uses them."""

@@ -10,6 +10,7 @@ import os
 from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -108,7 +109,7 @@ def read_gaussians(path: str | os.PathLike[str]) -> Gaussians:
     source = Path(path)
     try:
         ply = PlyData.read(io.BytesIO(source.read_bytes()))
-        vertices = ply["vertex"].data if "vertex" in ply else np.zeros(0)
+        vertices: Any = ply["vertex"].data if "vertex" in ply else np.zeros(0)
         names = [name for names in _COLUMNS.values() for name in names]
         if missing := [name for name in names if name not in (vertices.dtype.names or ())]:
             raise ValueError(f"it is not a 3DGS file, its vertices lack {', '.join(missing)}.")

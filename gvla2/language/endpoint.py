@@ -313,14 +313,14 @@ def read_completion(body: Any, *, cached: bool = False) -> Completion:
         raise MalformedAnswerError(message) from None
     if not closed and answer.lstrip().startswith("<think>"):
         answer = ""
-    counts = body.get("usage") if isinstance(body.get("usage"), Mapping) else {}
+    counts: Any = body.get("usage") if isinstance(body.get("usage"), Mapping) else {}
     asked, said = counts.get("prompt_tokens"), counts.get("completion_tokens")
     metered = all(type(number) is int and number >= 0 for number in (asked, said))
     return Completion(
         answer.strip() if closed else answer,
         _tokens(choice.get("logprobs")),
-        prompt_tokens=asked if metered else 0,
-        completion_tokens=said if metered else 0,
+        prompt_tokens=int(asked) if metered else 0,
+        completion_tokens=int(said) if metered else 0,
         metered=metered,
         finish=str(choice.get("finish_reason") or ""),
         cached=cached,

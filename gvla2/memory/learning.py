@@ -110,7 +110,8 @@ class LessonLedger:
 
     def vector(self, record: Record) -> Vector:
         """(D,) the vector of a record's text."""
-        return record_vectors(self._embedder, [(record.query, record.content)])[0]
+        vector: Vector = record_vectors(self._embedder, [(record.query, record.content)])[0]
+        return vector
 
     def archive(self, record: Record, action: str, why: str) -> None:
         """Archive a record; its note says why."""

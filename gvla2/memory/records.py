@@ -124,7 +124,8 @@ def load_object(text: str) -> dict[str, Any]:
 def damage_of(row: tuple[Any, ...]) -> str:
     """What is wrong with a stored row (columns as in :data:`COLUMNS`), "" if nothing."""
     for name, value, kind in zip(COLUMNS, row, COLUMN_TYPES, strict=True):
-        if type(value) is not kind:
+        wrong = type(value) is not kind
+        if wrong:
             return f"{name} of a wrong type"
         if kind is float and not math.isfinite(value):
             return f"{name} is not a finite number"

@@ -132,7 +132,9 @@ def check_memory(
     """
     found, held = Findings("memory", trajectory), 0
     for bound in effects:
-        own = bound.absolute(lengths) if isinstance(bound, Bound) and bound.skill in ("", skill) else None
+        if not isinstance(bound, Bound) or bound.skill not in ("", skill):
+            continue
+        own = bound.absolute(lengths)
         if own is None or own.parameter not in parameters:
             continue
         held += 1

@@ -94,7 +94,11 @@ class Path:
         dwell: float = 0.0,
     ) -> Path:
         """A straight motion, split if it is long, then ``dwell`` seconds of rest; a ``guard`` may end it early."""
-        how = {"motion": "linear", "speed": self.contact_speed if slow else self.speed, "guard": guard}
+        how: dict[str, Any] = {
+            "motion": "linear",
+            "speed": self.contact_speed if slow else self.speed,
+            "guard": guard,
+        }
         if self.waypoints:
             begin = self.end
             parts = math.ceil(math.dist(xyz, begin) / LONGEST_LINE - 1e-9)

@@ -219,7 +219,9 @@ def _call(
     if not 1 <= len(roles) <= most:
         takes = "one object and no goal" if most == 1 else "one object, and a goal where it leads somewhere"
         raise ValueError(f"{skill} takes {takes}; it got {len(roles)}.")
-    return SkillCall(skill, *roles, **fields)
+    if len(roles) == 2:
+        fields["goal"] = roles[1]
+    return SkillCall(skill, roles[0], **fields)
 
 
 def fitting(request: PlanRequest, skills: Mapping[str, Skill], brief: SceneBrief) -> Fitting:

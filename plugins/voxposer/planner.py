@@ -8,13 +8,16 @@ is refused with a reason.
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial, reduce
 from importlib.resources import files
 from itertools import pairwise, takewhile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
@@ -27,13 +30,6 @@ from gvla2.skills.path_lifting import PathPoint, lift
 
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
-
-
-import ast
-from functools import partial, reduce
-from typing import Any
-
-from numpy.typing import NDArray
 
 FINER = 4
 """Refinement factor of the search for a peak, applied twice."""
@@ -149,8 +145,11 @@ def stops(
     for move in moves:
         maps = {name: everywhere.values(map_) for name, map_ in move.items()}
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
-        affordance = move["affordance"]
-        peak = grid.peak(lambda at, a=affordance: MapInterpreter(scene, ids, at).values(a), avoided)
+
+        def wanted(points: FloatArray, affordance: Any = move["affordance"]) -> FloatArray:
+            return MapInterpreter(scene, ids, points).values(affordance)
+
+        peak = grid.peak(wanted, avoided)
         goal = np.clip(peak, box.low, box.high)
         # Not obstacles: the start and end of the move, held objects, and the target of a closed, empty hand.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)

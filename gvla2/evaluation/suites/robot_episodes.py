@@ -128,10 +128,13 @@ class _Filmed(_Latest):
         """A frame (H, W, 3) of the moving robot."""
         self._recorder.frame(image)
 
-    def finish(self) -> None:
-        """Complete the folder."""
+    def finish(self, *, failures_only: bool) -> None:
+        """Complete the folder, or remove that of a success where only failures are kept."""
         assert self.record is not None
         self._recorder.finish(self.record)
+        check = self.record.success_check
+        if failures_only and check is not None and check.relaxed:
+            shutil.rmtree(self._recorder.folder)
 
 
 def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, float]:
@@ -151,10 +154,7 @@ def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, floa
     seconds = time.perf_counter() - started
     assert listener.record is not None
     if isinstance(listener, _Filmed):
-        listener.finish()
-        check = listener.record.success_check
-        if config.films == "failures" and check is not None and check.relaxed:
-            shutil.rmtree(unit.folder)
+        listener.finish(failures_only=config.films == "failures")
     return listener.record, round(seconds, 3)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -90,7 +90,8 @@ class WorldDriver:
 
     def __init__(self, world: World, gap: float, max_width: float) -> None:
         model, names = world.model, world.names
-        self.world, self.film = world, lambda: None
+        self.world = world
+        self.film: Callable[[], None] = _nothing
         self._gap, self._max_width, self._opening = (
             gap,
             max_width,
@@ -186,9 +187,10 @@ class WorldDriver:
 
     def _step(self, joints: FloatArray) -> None:
         self.world.step(joints, self._opening)
-        film, self.film = (
-            self.film,
-            lambda: None,
-        )  # a picture that raises is the last: the arm must still be held
+        film, self.film = self.film, _nothing  # a picture that raises is the last: the arm must still be held
         film()
         self.film = film
+
+
+def _nothing() -> None:
+    """No film."""
