@@ -29,6 +29,7 @@ DATA = {
     ".dae",
     ".stl",
     ".lark",
+    ".toml",
 }
 
 
