@@ -48,7 +48,7 @@ LEAST_SHARED = 0.12
 """Overlap of the colour histograms below which a scan is not tried."""
 REFINED, THOROUGH = 6, 2
 """Number of scans whose best start is refined; and of the likeliest of these, whose other starts are refined too."""
-LARGE = 0.3
+LARGE = 0.25
 """A known object longer than this, metres, is also searched for where only a part of it is seen."""
 AROUND = 0.014
 """Metres around such an object within which seen points are of it: its samples lie farther apart."""

@@ -37,6 +37,8 @@ ALIKE = 1.15
 """An object whose sides differ by less than this factor may lie either way."""
 ASIDE = (0.035, -0.035, 0.06, -0.06)
 """Shifts along a side, metres."""
+OFF_MIDDLE = 0.015
+"""How far off the middle of what carries it an object may at least stand, metres."""
 SIDE_GAP = 0.03
 """Gap between objects put beside one another, metres: room for a finger."""
 
@@ -175,12 +177,26 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
 
 
 def _aside(job: Job, spots: list[tuple[FloatArray, str]]) -> list[tuple[FloatArray, str]]:
-    """Further along the goal's sides, for where something stands at their middles."""
-    if job.goal is None or job.relation in ("on", "in", "to"):
-        return []
-    found = []
+    """Further along the goal's sides, or off its middle, for where something else is there or beside it."""
+    goal, theme, found = job.goal, job.theme, list[tuple[FloatArray, str]]()
+    if goal is None:
+        return found
+    if job.relation in ("on", "in", "to"):
+        if job.target is not None:
+            return found
+        size = float(theme.extents[:1].max() if theme.shape in ROUND else np.linalg.norm(theme.extents[:2]))
+        free = 0.5 * ((goal.opening or float(goal.extents[:2].min())) - size)
+        shift = 0.8 * free if job.relation == "in" else max(0.8 * free, OFF_MIDDLE)
+        ways = (
+            [sign * goal.world_from_object[:3, k] for k in (0, 1) for sign in (1, -1)] if shift > 0.0 else []
+        )
+        return [
+            (spot + shift * way, f"{name}, {100 * shift:.0f} cm off the middle")
+            for spot, name in spots
+            for way in ways
+        ]
     for spot, name in spots:
-        level = (spot - job.goal.centre) * [1.0, 1.0, 0.0]
+        level = (spot - goal.centre) * [1.0, 1.0, 0.0]
         along = np.cross(UP, level / np.linalg.norm(level))
         found += [(spot + shift * along, f"{name}, {100 * shift:.0f} cm aside") for shift in ASIDE]
     return found
