@@ -128,9 +128,8 @@ class Gallery:
         floats = float(np.percentile(points[:, 2], 2.0)) > table + FLOATS
         fits = self.fits([seen])
         naming = self._named(fits)
-        unsure = floats or not naming.label or naming.sureness < SURE_ENOUGH
-        stacked = False
-        if unsure or fits[0].odds < PLAIN:
+        unsure, stacked = not naming.label or naming.sureness < SURE_ENOUGH, False
+        if floats or unsure or fits[0].odds < PLAIN:
             others = self.fits(_slabs(seen, sights), 0.5 * LAYER)
             if unsure or (others and likelihood(others[0]) > likelihood(fits[0])):
                 stacked, fits, naming = True, others, self._named(others)
