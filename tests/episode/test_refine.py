@@ -102,7 +102,8 @@ def test_a_run_passes_the_branchs_options(registry, compose_run, tmp_path):
         ("default", ()),
         ("shrunk", ("branch=paper", "branch.tau=1", "branch.lambda_max=.5")),
     ):
-        config = compose_run(*QUICK, "robot.image_size=96", "memory=none", "reconstructor=hull", *overrides)
+        cameras = ("robot.image_size=96", "robot.cameras=[front,left_shoulder]")
+        config = compose_run(*QUICK, *cameras, "memory=none", "reconstructor=hull", *overrides)
         records = run_episodes(config, registry, tmp_path / name)
         extents.append(np.array([each.extents for each in records[0].scene.objects]))
     assert (extents[1] < extents[0] - 5e-3).all(axis=1).any()

@@ -172,7 +172,7 @@ BROKEN: dict[tuple[str, str], list[tuple[Any, str]]] = {
         (lambda r: None, "NoneType, not a Plan"),
         (lambda r: Plan(None), "neither a trajectory nor an abstention"),
         (lambda r: lifting(INSIDE), "2 to 20 waypoints, got 1"),
-        (lambda r: lifting(INSIDE, (0.3, float("nan"), 1.0)), "not a tuple of three finite"),
+        (lambda r: lifting(INSIDE, (0.3, float("nan"), 1.0)), "nan, which is not a finite number"),
         (lambda r: lifting(INSIDE, INSIDE, carries="ghost"), "ghost"),
         (lambda r: replace(lifting(INSIDE, INSIDE), roles={"theme": "ghost"}), "role 'theme'"),
         (lambda r: 1 / 0, "raised ZeroDivisionError"),
