@@ -39,6 +39,7 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
         "arms=['off','on']",
         "episodes=1",
         "exploration_seeds=[3]",
+        "films=all",
     )
     assert run_bench(config, registry, tmp_path / "first") == 1
     rows = rows_of(tmp_path / "first")
@@ -58,6 +59,10 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
     assert (tmp_path / "first" / "banks" / "plain" / "on.db").is_file()
     page = (tmp_path / "first" / "index.html").read_text()
     assert "what memory adds" in page
+    for arm in ("off", "on"):
+        folder = tmp_path / "first" / "episodes" / "pick_and_lift" / f"{arm}_10000"
+        assert (folder / "episode.mp4").stat().st_size > 0
+        assert (folder / "index.html").is_file()
 
     # All of it is in the database: nothing is run again, and the rows are the same.
     assert run_bench(config, registry, tmp_path / "second") == 1

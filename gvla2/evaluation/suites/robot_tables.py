@@ -94,7 +94,7 @@ def _of_setting(
     sheets = []
     if suites := list(dict.fromkeys(task.partition("/")[0] for task in tasks if "/" in task)):
         whole = {name: some for name, some in groups.items() if set(some) <= set(suites)}
-        whole = whole or {"mean over suites": suites}
+        whole = whole or {"all suites": suites}
         sheets.append(_by_suite(columns, suites, whole, published, f"{title}: success by suite"))
     sheets += [_success(columns, tasks, profile, f"{title}: success, {profile}") for profile in PROFILES]
     for found in grouped(cells, *PLANNER).values():

@@ -87,3 +87,27 @@ def test_layouts_without_a_seed_have_no_deviation_over_seeds():
     assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "named layouts; 2 of 2 tasks above 0")
     (relaxed, *_) = robot_sheets([*named, *cells()])
     assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "named layouts; 2 of 2 tasks above 0")
+
+
+def test_suites_and_their_groups_stand_beside_what_others_published(tmp_path):
+    folder = tmp_path / "episode"
+    folder.mkdir()
+    (folder / "episode.mp4").write_bytes(b"film")
+    made = [cell(f"cups/{k}", "off", 0, done=k < 3) for k in range(4)]
+    made += [cell("bowls/0", "off", 0, False, folder=str(folder), message="It slipped.", layout=7)]
+    published = {
+        "Other": {"given": "a trained policy", "success": {"cups": 60.5}},
+        "Elsewhere": {"given": "", "success": {"x": 1}},
+    }
+    by_suite, *_, failures = robot_sheets(
+        made, {"both": ["cups", "bowls"], "more": ["cups", "forks"]}, published
+    )
+    assert by_suite.headings == ("memory off", "Other (published)")
+    assert [row.label for row in by_suite.rows] == ["cups", "bowls", "both", "given"]
+    assert text_of(by_suite, "cups", "memory off") == ("75.0", "[30, 95] 3/4")
+    assert text_of(by_suite, "both", "memory off")[1].endswith("3/5")
+    assert text_of(by_suite, "cups", "Other (published)") == ("60.5",)
+    assert text_of(by_suite, "bowls", "Other (published)") == ("",)
+    (film,) = failures.films
+    assert film.caption == "bowls/0, layout 7: It slipped."
+    assert film.file.endswith("episode/episode.mp4")
