@@ -40,7 +40,7 @@ def test_a_grammar_is_kept_to_and_log_probabilities_come(language: LanguageModel
     request = Request(ASK, logprobs=True, grammar='root ::= "green" | "red"', max_tokens=8)
     answer = language.complete(request, purpose="verify")
     assert answer.text == "red"
-    assert len(answer.tokens[0].alternatives) >= 10
+    assert len(answer.tokens[0][1]) >= 10
 
 
 def test_threads_and_components_share_one_server(
