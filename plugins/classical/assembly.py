@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.perception.clusters import connected
 from gvla2_plugins.classical import ClassicalConfig
+from gvla2_plugins.classical.composites import SceneDraft
 from gvla2_plugins.classical.levels import leaning_plate, split_by_height
 from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, alike, groups, seen_through
 from gvla2_plugins.classical.shaping import GOOD, opened, shape_object
@@ -141,3 +144,95 @@ def _carries(lower: SeenObject, upper: SeenObject) -> bool:
 def _over_one_another(lower: SeenObject, upper: SeenObject) -> bool:
     over = lower.covers(upper.centre[None, :2])[0]
     return bool(over or (upper.floating and upper.covers(lower.centre[None, :2])[0]))
+
+
+BULKY = 0.012  # metres: a thinner piece may be set into the side of another
+SHARED = 0.5  # of the smaller solid that is within the other, where both cannot be there
+FLUSH = 0.003  # metres: paint stands off by less
+ON_IT = 0.9  # share of a piece's points that are on another's solid, where it is paint
+SCRAP = 0.01  # of another piece's pixels: fewer that hang in the air are of it
+SEAM = 0.003  # metres: a point that is higher than another piece by this is above it
+ABOVE = 0.6  # share of a piece's points above another, which is under it then
+STEPS = np.linspace(-0.4, 0.4, 5)  # of a solid's extents, where it is looked at
+
+
+def join_overlapping(
+    draft: SceneDraft, frames: Sequence[TableFrame], pixels: Pixels, bodies: IntArray, gap: float
+) -> None:
+    """Pieces of one body that are in the same space are one object, shaped anew from all its pixels.
+
+    ``bodies`` (N,) labels the pixels' bodies, -1 for none. What is known to be something is left alone, and so is
+    what is in something hollow, or stands on the other piece.
+    """
+    left = [k for k in draft.left() if _is_plain(draft.objects[k])]
+    body = [_body_of(bodies, draft.objects[k]) for k in left]
+    pairs = []
+    for a, b in combinations(range(len(left)), 2):
+        one, other = draft.objects[left[a]], draft.objects[left[b]]
+        stands = left[a] == draft.carrier(left[b]) or left[b] == draft.carrier(left[a])
+        stands = stands or _is_above(one, other) or _is_above(other, one)
+        if body[a] == body[b] >= 0 and not stands and any(rule(one, other) for rule in RULES):
+            pairs.append((a, b))
+    wholes = connected(len(left), np.array(pairs, dtype=np.int64).reshape(-1, 2))
+    for whole in np.unique(wholes):
+        mine = [left[i] for i in np.nonzero(wholes == whole)[0]]
+        if len(mine) < 2:
+            continue
+        main = max(mine, key=lambda k: len(draft.objects[k].members))
+        members = np.sort(np.concatenate([draft.objects[k].members for k in mine]))
+        joined = opened(frames, shape_object(frames, pixels, members, gap))
+        draft.take_in(main, [k for k in mine if k != main])
+        old = draft.objects[main]
+        draft.objects[main] = replace(joined, group=old.group, on=old.on, textured=True)
+
+
+def _is_plain(obj: SeenObject) -> bool:
+    return not obj.noun and obj.part_of < 0 and obj.turn is None
+
+
+def _body_of(bodies: IntArray, obj: SeenObject) -> int:
+    """The body that most of an object's pixels belong to, -1 for none."""
+    own = bodies[obj.members]
+    own = own[own >= 0]
+    return int(np.bincount(own).argmax()) if len(own) else -1
+
+
+def _intersect(one: SeenObject, other: SeenObject) -> bool:
+    """Whether most of the smaller of two solids is within the other, and neither is thin or hollow."""
+    small, large = _by_size(one, other)
+    if min(small.extents) < BULKY or one.hollow or other.hollow:
+        return False
+    at = small.grid(STEPS, STEPS, STEPS)
+    high = np.abs(at[:, 2] - large.centre[2]) < 0.5 * large.extents[2]
+    return bool((high & large.covers(at[:, :2])).mean() > SHARED)
+
+
+def _is_paint(one: SeenObject, other: SeenObject) -> bool:
+    """Whether what is seen of the smaller lies on the solid that explains the other."""
+    small, large = _by_size(one, other)
+    if large.hollow or large.agreement < GOOD:
+        return False
+    on_it = (np.abs(large.local(small.points)) < 0.5 * large.extents + FLUSH).all(axis=1)
+    return bool(on_it.mean() > ON_IT)
+
+
+def _is_above(upper: SeenObject, lower: SeenObject) -> bool:
+    """Whether one lies on the other, as a lid on a jar, though a few pixels of each are taken to be of the other."""
+    up, low = upper.points[:, 2], lower.points[:, 2]
+    over = float((up > np.percentile(low, 99.0) + SEAM).mean()) > ABOVE
+    bulky = min(*upper.extents, *lower.extents) > BULKY  # a print on a side is not under the top
+    return over or bool(bulky and np.percentile(up, 5.0) > np.percentile(low, 90.0))
+
+
+def _is_scrap(one: SeenObject, other: SeenObject) -> bool:
+    """Whether one piece is a few pixels in the air, carried by nothing, beside a large one: a rim, a print, a shade."""
+    small, large = sorted((one, other), key=lambda obj: len(obj.members))
+    return small.floating and small.on < 0 and len(small.members) < SCRAP * len(large.members)
+
+
+def _by_size(one: SeenObject, other: SeenObject) -> tuple[SeenObject, SeenObject]:
+    small, large = sorted((one, other), key=lambda obj: float(obj.extents.prod()))
+    return small, large
+
+
+RULES = (_intersect, _is_paint, _is_scrap)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,6 +52,16 @@ class SceneDraft:
             on, part_of = place[self.now(obj.on)], place[self.now(obj.part_of)]
             done.append(replace(obj, on=-1 if on == place[k] else on, part_of=part_of))
         return done
+
+
+def put_together(
+    pixels: Pixels, objects: Sequence[SeenObject], rules: Sequence[Callable[[SceneDraft], None]]
+) -> list[SeenObject]:
+    """The objects after all rules, in their order; each sees what those before it made."""
+    draft = SceneDraft(pixels, objects)
+    for rule in rules:
+        rule(draft)
+    return draft.finished()
 
 
 def boxed(obj: SeenObject, host: SeenObject, low: FloatArray, high: FloatArray) -> SeenObject:
@@ -385,11 +395,3 @@ def _covers(draft: SceneDraft, j: int, at: int) -> bool:
 
 def _is_grip(obj: SeenObject) -> bool:
     return obj.kind == "box" and _slim(obj) and bool(obj.extents[2] > 2.2 * max(obj.extents[:2]))
-
-
-def put_together(pixels: Pixels, objects: Sequence[SeenObject]) -> list[SeenObject]:
-    """The objects with all wholes put together; a side of a case is not to be taken for a bottle, which come last."""
-    draft = SceneDraft(pixels, objects)
-    for join in (join_lids, join_fronts, join_stems, name_knives, join_bottles):
-        join(draft)
-    return draft.finished()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,15 @@ from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed
 from gvla2.planning.scene import Box, Scene, SceneObject, Shape
 from gvla2_plugins.classical import ClassicalConfig
-from gvla2_plugins.classical.assembly import assemble
-from gvla2_plugins.classical.composites import put_together
+from gvla2_plugins.classical.assembly import assemble, join_overlapping
+from gvla2_plugins.classical.composites import (
+    join_bottles,
+    join_fronts,
+    join_lids,
+    join_stems,
+    name_knives,
+    put_together,
+)
 from gvla2_plugins.classical.footprints import find_patches, unlike_table
 from gvla2_plugins.classical.known import known_objects
 from gvla2_plugins.classical.pixels import (
@@ -40,6 +48,8 @@ from gvla2_plugins.classical.pixels import (
 from gvla2_plugins.classical.solids import SeenObject, evenly
 
 BORDER = 0.06  # metres around the workspace that are looked at too: what stands on its edge is seen whole
+WHOLES = (join_lids, join_fronts, join_stems, name_knives, join_bottles)
+"""What is looked for, in this order: a side of a case is not to be taken for a bottle."""
 
 
 class ClassicalPerceiver:
@@ -132,7 +142,8 @@ class ClassicalPerceiver:
             labels[rough] = -1
             fine = np.where(rough, bodies, -1)
             objects = assemble(frames, pixels, labels, fine, config, hand)
-            objects = put_together(pixels, objects)
+            overlap = partial(join_overlapping, frames=frames, pixels=pixels, bodies=bodies, gap=config.gap)
+            objects = put_together(pixels, objects, (*WHOLES, overlap))
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         painted, patches = find_patches(frames, paint, bare, config)

@@ -60,6 +60,7 @@ class RobosuiteWorlds:
                 task.removeprefix(SUITE),
                 robots=config.arm,
                 gripper_types=config.gripper,
+                seed=0,  # objects of drawn sizes have them from here
                 **EnvWorld.options(control),
             )
         return RobosuiteWorld(env, task, config)

@@ -123,3 +123,21 @@ def test_a_thin_board_is_one_object_as_large_as_it_is(height: float):
         found = next(o for o in scene.objects if o.colour == truth.colour)
         assert np.linalg.norm(found.centre - truth.centre) < 0.003
         assert np.abs(found.extents - truth.size).max() < 0.004
+
+
+def test_solids_in_the_same_space_are_one_object_of_two_colours():
+    """A red box whose edges are painted black: the frame's solid and the box's are the same."""
+    size = np.array([0.12, 0.08, 0.06])
+    mesh = trimesh.creation.box(size)
+    for _ in range(4):
+        mesh = mesh.subdivide()
+    near_sides = (np.abs(mesh.triangles_center) > 0.32 * size).sum(axis=1)
+    rgb = np.where((near_sides >= 2)[:, None], (0.05, 0.05, 0.05), (0.8, 0.1, 0.1))
+    place = rigid([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]], (0.3, 0.0, TABLE_TOP + 0.03))
+    surface = Surface(trimesh.transform_points(mesh.vertices, place), np.asarray(mesh.faces), rgb, 7)
+    beside = bench.put("box", (0.05, 0.05, 0.05), (0.3, 0.25), 0.2, "blue")
+    scene = perceive((), bench.render([beside], robot=[surface], noise=0.0005))
+    assert len(scene.objects) == 2
+    found = next(o for o in scene.objects if o.colour != "blue")
+    assert np.linalg.norm(found.centre - place[:3, 3]) < 0.003
+    assert np.abs(np.sort(found.extents) - np.sort(size)).max() < 0.004
