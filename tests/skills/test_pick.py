@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from gvla2.planning.calls import SkillCall
+from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.skill import Job
 from gvla2.skills.carry_out import carry_out
+from gvla2.skills.grasps import grasps
+from gvla2.skills.schemas.pick_place import take
+from gvla2.skills.table import STANDARD
 from tests.scanning import bowl
 from tests.skills.scenes import TABLE, at, make_object, request, sound
 
@@ -46,3 +50,16 @@ def test_what_is_too_wide_by_box_and_surface_is_refused(shape):
     plan, _ = picked(seen(trimesh.creation.box(extents=(0.2, 0.16, 0.07)), shape))
     assert plan.abstention is not None
     assert plan.abstention.kind == "too_wide"
+
+
+def test_a_hand_between_tall_neighbours_comes_from_above_them():
+    flat = make_object("it", "box", (*AT, 0.015), (0.08, 0.05, 0.03))
+    tall = make_object("tall", "box", (AT[0], AT[1] + 0.09, 0.07), (0.05, 0.05, 0.14))
+    wanted = request(flat, tall)
+    theta = STANDARD["place"].defaults(flat, wanted.arm.hand, SkillOptions())
+    job = Job("place", wanted.scene, wanted.arm.hand, wanted.arm.workspace, theta, flat)
+    grasp = next(one for one in grasps(job) if one.family == "top")
+    usual, between = (take(job, grasp, between=high).trajectory() for high in (False, True))
+    assert [one.stage for one in between] == ["approach", "descend", "grasp", "close"]
+    assert between.waypoints[0].xyz[2] - wanted.arm.hand.tip_beyond_tcp > tall.top
+    np.testing.assert_allclose(between.waypoints[1].xyz, usual.waypoints[0].xyz)

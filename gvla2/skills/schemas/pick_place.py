@@ -104,9 +104,8 @@ def take(
     start = grasp.centre - grasp.approach * depth
     if between:
         over = job.highest(job.theme.centre) + CLEAR + job.hand.tip_beyond_tcp - start[2]
-        path.go(
-            "approach", start - grasp.approach * max(over, 0.0) / grasp.approach[2], gripper=grasp.opening
-        )
+        above = start + grasp.approach * max(over, 0.0) / grasp.approach[2]
+        path.go("approach", above, gripper=grasp.opening)
         path.line("descend", start)
     else:
         path.go("approach", start, gripper=grasp.opening)
