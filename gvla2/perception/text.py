@@ -40,10 +40,11 @@ NEAR = 0.012
 
 @dataclass(frozen=True)
 class _Line:
-    """A line of text that was read, its score in [0, 1] and its height, metres."""
+    """A line of text that was read, its score in [0, 1], and its middle (3,) in the world and its height, metres."""
 
     text: str
     score: float
+    at: FloatArray
     height: float
 
 
@@ -90,7 +91,7 @@ class TextReader:
                 if score >= SURE and obj.distances(point) <= NEAR:
                     away = float(np.linalg.norm(point - view.camera.position))
                     tall = float(np.linalg.norm(corners[3] - corners[0])) / factor / shown.camera.K[1, 1]
-                    yield _Line(text, float(score), away * tall)
+                    yield _Line(text, float(score), point, away * tall)
 
 
 def words_in(text: str) -> list[str]:
@@ -102,7 +103,7 @@ def words_in(text: str) -> list[str]:
 def _naming(obj: SceneObject, lines: Sequence[_Line]) -> Naming:
     """The words in the largest print, with the noun of the object's shape."""
     heights: dict[str, float] = {}
-    for line in lines:
+    for line in _surest(lines):
         for word in words_in(line.text):
             heights[word] = max(line.height, heights.get(word, 0.0))
     if not heights:
@@ -110,6 +111,15 @@ def _naming(obj: SceneObject, lines: Sequence[_Line]) -> Naming:
     large = [word for word, height in heights.items() if height >= NAME * max(heights.values())]
     words = sorted(large, key=lambda word: -heights[word])[:MOST_WORDS]
     return Naming(" ".join([*words, obj.label.split()[-1]]), max(line.score for line in lines))
+
+
+def _surest(lines: Sequence[_Line]) -> list[_Line]:
+    """The lines without those at whose place a surer one was read, in another turn or picture."""
+    kept: list[_Line] = []
+    for line in sorted(lines, key=lambda line: -line.score):
+        if all(np.linalg.norm(line.at - other.at) > 0.5 * max(line.height, other.height) for other in kept):
+            kept.append(line)
+    return kept
 
 
 def _crop(obj: SceneObject, view: View) -> tuple[NDArray[np.int_], NDArray[np.uint8]]:
