@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,12 +40,19 @@ NEAR = 0.012
 
 @dataclass(frozen=True)
 class _Line:
-    """A line of text that was read, its score in [0, 1], and its middle (3,) in the world and its height, metres."""
+    """A line of text that was read, its score in [0, 1], its corners (4, 2) in the crop, around it, and the height of
+    its letters, metres.
+    """
 
     text: str
     score: float
-    at: FloatArray
-    height: float
+    corners: FloatArray
+    height: float = 0.0
+
+    def covers(self, other: _Line) -> bool:
+        """Whether the middle of another line lies in it."""
+        middle = other.corners.mean(axis=0)
+        return bool(((middle >= self.corners.min(axis=0)) & (middle <= self.corners.max(axis=0))).all())
 
 
 class TextReader:
@@ -78,20 +85,19 @@ class TextReader:
         factor = min(CROP / max(crop.shape[:2]), ENLARGED)
         size = round(factor * crop.shape[1]), round(factor * crop.shape[0])
         image = np.asarray(Image.fromarray(_stretched(crop)).resize(size, Image.Resampling.BICUBIC))
+        lines: list[_Line] = []
         for turn in range(TURNS):
-            lines = self._read(np.ascontiguousarray(np.rot90(image, turn)[..., ::-1]))
-            for box, text, score in (
-                zip(lines.boxes, lines.txts, lines.scores, strict=True) if lines.txts else ()
-            ):
-                corners = np.asarray(box)  # (4, 2) from the upper left one, clockwise
-                middle = (
-                    corner + _turned_back(corners.mean(axis=0), turn, size) / factor
-                ) / shown.camera.width
-                point = _point_at(view, middle * view.camera.width)
-                if score >= SURE and obj.distances(point) <= NEAR:
-                    away = float(np.linalg.norm(point - view.camera.position))
-                    tall = float(np.linalg.norm(corners[3] - corners[0])) / factor / shown.camera.K[1, 1]
-                    yield _Line(text, float(score), point, away * tall)
+            read = self._read(np.ascontiguousarray(np.rot90(image, turn)[..., ::-1]))
+            for box, text, score in zip(read.boxes, read.txts, read.scores, strict=True) if read.txts else ():
+                corners = np.array([_turned_back(at, turn, size) for at in np.asarray(box)]) / factor
+                lines.append(_Line(text, float(score), corners))
+        for line in _best(lines):
+            pixel = (corner + line.corners.mean(axis=0)) * view.camera.width / shown.camera.width
+            point = _point_at(view, pixel)
+            if line.score >= SURE and obj.distances(point) <= NEAR:
+                away = float(np.linalg.norm(point - view.camera.position))
+                sides = np.linalg.norm(line.corners[[1, 3]] - line.corners[0], axis=1)
+                yield replace(line, height=away * float(sides.min()) / shown.camera.K[1, 1])
 
 
 def words_in(text: str) -> list[str]:
@@ -103,7 +109,7 @@ def words_in(text: str) -> list[str]:
 def _naming(obj: SceneObject, lines: Sequence[_Line]) -> Naming:
     """The words in the largest print, with the noun of the object's shape."""
     heights: dict[str, float] = {}
-    for line in _surest(lines):
+    for line in lines:
         for word in words_in(line.text):
             heights[word] = max(line.height, heights.get(word, 0.0))
     if not heights:
@@ -113,11 +119,11 @@ def _naming(obj: SceneObject, lines: Sequence[_Line]) -> Naming:
     return Naming(" ".join([*words, obj.label.split()[-1]]), max(line.score for line in lines))
 
 
-def _surest(lines: Sequence[_Line]) -> list[_Line]:
-    """The lines without those at whose place a surer one was read, in another turn or picture."""
+def _best(lines: Sequence[_Line]) -> list[_Line]:
+    """The lines without those at whose place more letters were read, or surer ones, in another turn."""
     kept: list[_Line] = []
-    for line in sorted(lines, key=lambda line: -line.score):
-        if all(np.linalg.norm(line.at - other.at) > 0.5 * max(line.height, other.height) for other in kept):
+    for line in sorted(lines, key=lambda line: -line.score * len(line.text)):
+        if not any(line.covers(other) or other.covers(line) for other in kept):
             kept.append(line)
     return kept
 

@@ -249,6 +249,7 @@ def _read(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject
 
     Of several, those whose words agree best with the phrase.
     """
+    words = words[:-1] if len(words) > 1 and _singular(words[-1]) in PACKAGES else words  # "milk carton"
     alike: list[tuple[float, SceneObject, tuple[str, ...]]] = []
     for obj in pool:
         printed = _label(obj)[:-1] if obj.named_by == PRINTED else []

@@ -79,17 +79,17 @@ def test_words_are_read_in_all_turns_and_belong_to_the_object_that_carries_them(
 
 
 def test_the_name_is_in_the_largest_print_also_in_the_shadow(reader):
-    (obj,) = named(reader, ([("PUDDING", 0.2), ("just add milk", 0.06)], 0, DARK))
+    (obj,) = named(reader, ([("PUDDING", 0.15), ("just add milk", 0.06)], 0, DARK))
     assert obj.label == "pudding box"
 
 
 def test_too_dim_or_too_small_print_names_nothing(reader):
-    dim, small = named(reader, ([("MUSTARD", 0.18)], 0, (1, 1, 1)), ([("HONEY", 0.025)], 0, PALE))
+    dim, small = named(reader, ([("MUSTARD", 0.18)], 0, (1, 1, 1)), ([("HONEY", 0.01)], 0, PALE))
     assert (dim.named_by, small.named_by) == ("", "")
 
 
 def test_finer_pictures_are_read_where_there_are_some(reader):
-    label = [("PEACHES", 0.1)], 0, PALE
+    label = [("PEACHES", 0.03)], 0, PALE
     coarse = named(reader, *4 * [label])
     fine = named(reader, *4 * [label], size=4 * SIZE)
     assert [o.label for o in fine] == 4 * ["peaches box"]
