@@ -57,9 +57,7 @@ def seen(image, count):
         extents = np.maximum(np.ptp(own, axis=0), 0.01)
         objects.append(SceneObject(f"o{k}", "gray box", "box", "gray", pose, extents, own))
     finer = (lambda _: fine) if len(image) > SIZE else None
-    return Observation(views, np.eye(4), np.zeros(7), 1.0, 0.08, finer), Scene(
-        tuple(objects), 0.0, WORKSPACE
-    )
+    return Observation(views, np.eye(4), np.zeros(7), 1.0, 0.08, finer), Scene(tuple(objects), 0.0, WORKSPACE)
 
 
 def named(reader, *labels, size=SIZE):

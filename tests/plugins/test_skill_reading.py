@@ -256,11 +256,19 @@ def test_a_name_that_perception_gave_is_the_name(sentence, named, meant_):
     [
         ("pick up the ketchup", [("tomato ketchlp bottle", "red"), ("milk box", "red")], 0),
         ("pick up the cream cheese", [("fresh gream gheese box", "blue"), ("butter box", "orange")], 0),
-        ("pick up the bbq sauce", [("tomato sauce cylinder", "red"), ("bbq saucs tangy bottle", "maroon")], 1),
+        (
+            "pick up the bbq sauce",
+            [("tomato sauce cylinder", "red"), ("bbq saucs tangy bottle", "maroon")],
+            1,
+        ),
         ("pick up the milk carton", [("milk dairy box", "red"), ("butter box", "white")], 0),
         ("pick up the red butter", [("butter box", "red"), ("butter box", "blue")], 0),
         ("pick up the orange juice", [("apple juice box", "green"), ("orange juice box", "yellow")], 1),
-        ("pick up the tomato sauce", [("bbq sauce bottle", "maroon"), ("tomato ketchup bottle", "red")], None),
+        (
+            "pick up the tomato sauce",
+            [("bbq sauce bottle", "maroon"), ("tomato ketchup bottle", "red")],
+            None,
+        ),
         ("pick up the salad dressing", [("ranch dressing bottle", "white")], None),
         ("pick up the soup", [("soap cylinder", "red")], None),
         ("pick up the milk", [("milk box", "red"), ("milk box", "white")], None),
