@@ -51,8 +51,9 @@ class _Line:
 
     def covers(self, other: _Line) -> bool:
         """Whether the middle of another line lies in it."""
-        middle = other.corners.mean(axis=0)
-        return bool(((middle >= self.corners.min(axis=0)) & (middle <= self.corners.max(axis=0))).all())
+        middle = other.corners.mean(axis=0) - self.corners[0]
+        sides = self.corners[[1, 3]] - self.corners[0]
+        return all(0 <= side @ middle <= side @ side for side in sides)
 
 
 class TextReader:
@@ -123,7 +124,7 @@ def _best(lines: Sequence[_Line]) -> list[_Line]:
     """The lines without those at whose place more letters were read, or surer ones, in another turn."""
     kept: list[_Line] = []
     for line in sorted(lines, key=lambda line: -line.score * len(line.text)):
-        if not any(line.covers(other) or other.covers(line) for other in kept):
+        if not any(other.covers(line) for other in kept):
             kept.append(line)
     return kept
 

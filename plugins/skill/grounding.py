@@ -39,6 +39,8 @@ SYNONYMS = {
 """Pairs of nouns for the same kind, also of an object whose name perception gave."""
 PACKAGES = frozenset("box carton packet package pack bag can tin jar bottle tube".split())
 """Nouns for the package of what is named before them or with "of": "cookie box", "bottle of wine"."""
+VESSELS = frozenset("bin basket container crate tray".split())
+"""Nouns for what is open at the top, where anything seen is."""
 READ_ALIKE = 0.8
 """Least agreement with a word that was read on an object: "ketchlp" for ketchup (.86), not "soap" for soup (.75)."""
 NUMBERS = {"two": 2, "three": 3, "four": 4}
@@ -239,6 +241,8 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
     for level in range(3):
         fits = [(o, words[: len(words) - n]) for o in pool if (n := _heads(words, o, level))]
         true = [(o, rest) for o, mods in fits if (rest := _true(mods, o, pool)) is not None]
+        if _singular(words[-1]) in VESSELS:
+            true = [(o, rest) for o, rest in true if o.opening] or true
         if true or (fits and not kinds):
             return _coloured(true, frozenset(words), pool)
     return []
@@ -247,7 +251,7 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
 def _read(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject]:
     """The objects on which a phrase's noun was read, and each adjective that is not true of them otherwise.
 
-    Of several, those whose words agree best with the phrase.
+    Of several, those whose words agree best with the phrase, and of these those whose largest print is in it.
     """
     words = words[:-1] if len(words) > 1 and _singular(words[-1]) in PACKAGES else words  # "milk carton"
     alike: list[tuple[float, SceneObject, tuple[str, ...]]] = []
@@ -258,7 +262,9 @@ def _read(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject
         if likeness[words[-1]] >= READ_ALIKE and rest is not None:
             alike.append((sum(likeness.values()), obj, rest))
     most = max((score for score, _, _ in alike), default=0.0)
-    return _coloured([(o, rest) for score, o, rest in alike if score == most], frozenset(words), pool)
+    fits = [(o, rest) for score, o, rest in alike if score == most]
+    largest = [(o, rest) for o, rest in fits if any(_likeness(w, _label(o)[0]) >= READ_ALIKE for w in words)]
+    return _coloured(largest or fits, frozenset(words), pool)
 
 
 def _likeness(word: str, read: str) -> float:
