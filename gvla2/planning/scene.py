@@ -25,6 +25,8 @@ SIDES = {
     "front_of": np.array([-1.0, 0.0, 0.0]),
 }
 """Unit vectors to an object's sides, as the robot sees them."""
+PRINTED = "text"
+"""The source of names that are the words read on an object, in no order: some of them may be missing or misread."""
 TOUCHING = 0.008
 """A point this near to an object's box counts as on it, metres: the error of depth cameras and perceived boxes."""
 

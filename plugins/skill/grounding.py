@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import SequenceMatcher
 
 from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, may_look, meant_by
 from gvla2.planning.contracts import RefusedError
 from gvla2.planning.part_hierarchy import is_ajar, root_of
 from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, on_something_unseen, related
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import PRINTED, Scene, SceneObject
 from gvla2_plugins.skill.reading import ITS, SIDES_OF, Noun, Place, Where
 
 _LOOKS = {
@@ -38,6 +39,8 @@ SYNONYMS = {
 """Pairs of nouns for the same kind, also of an object whose name perception gave."""
 PACKAGES = frozenset("box carton packet package pack bag can tin jar bottle tube".split())
 """Nouns for the package of what is named before them or with "of": "cookie box", "bottle of wine"."""
+READ_ALIKE = 0.8
+"""Least agreement with a word that was read on an object: "ketchlp" for ketchup (.86), not "soap" for soup (.75)."""
 NUMBERS = {"two": 2, "three": 3, "four": 4}
 STATES = {"open": True, "opened": True, "closed": False, "shut": False}
 """Adjectives for drawers and doors that are ajar or not."""
@@ -221,6 +224,8 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
     exact = [o for o, name in names if len(name) == len(words) and all(map(_same, name, words))]
     if exact:
         return exact
+    if read := _read(words, pool):
+        return read
     if "and" in words:  # the yellow and white mug; the red and blue cubes
         at = words.index("and")
         mixed = [o for o in pool if {words[at - 1], words[at + 1]} <= {*_label(o)}]
@@ -237,6 +242,28 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
         if true or (fits and not kinds):
             return _coloured(true, frozenset(words), pool)
     return []
+
+
+def _read(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject]:
+    """The objects on which a phrase's noun was read, and each adjective that is not true of them otherwise.
+
+    Of several, those whose words agree best with the phrase.
+    """
+    words = words[:-1] if len(words) > 1 and _singular(words[-1]) in PACKAGES else words  # "milk carton"
+    alike: list[tuple[float, SceneObject, tuple[str, ...]]] = []
+    for obj in pool:
+        printed = _label(obj)[:-1] if obj.named_by == PRINTED else []
+        likeness = {word: max((_likeness(word, own) for own in printed), default=0.0) for word in words}
+        rest = _true([word for word in words if likeness[word] < READ_ALIKE], obj, pool)
+        if likeness[words[-1]] >= READ_ALIKE and rest is not None:
+            alike.append((sum(likeness.values()), obj, rest))
+    most = max((score for score, _, _ in alike), default=0.0)
+    return _coloured([(o, rest) for score, o, rest in alike if score == most], frozenset(words), pool)
+
+
+def _likeness(word: str, read: str) -> float:
+    """How far a word agrees with one that was read, letters lost or misread, in [0, 1]."""
+    return SequenceMatcher(None, word, read, autojunk=False).ratio()
 
 
 def _true(mods: Sequence[str], obj: SceneObject, pool: Sequence[SceneObject]) -> tuple[str, ...] | None:
