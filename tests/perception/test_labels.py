@@ -1,6 +1,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gvla2.errors import ConfigurationError
@@ -102,7 +103,7 @@ def test_pieces_of_a_package_that_bear_the_same_words_are_one_object():
     scene = inputs.scene()
     red, blue = scene.objects
     gable = replace(
-        blue, world_from_object=red.world_from_object.copy(), points=red.points + [0.0, 0.0, 0.03]
+        blue, world_from_object=red.world_from_object.copy(), points=red.points + np.array([0.0, 0.0, 0.03])
     )
     gable.world_from_object[2, 3] += 0.03
     milk = {"red_cube": Naming("fresh milk box", 0.9), "blue_cube": Naming("milk disc", 0.95)}
