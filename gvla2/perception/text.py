@@ -73,14 +73,15 @@ class TextReader:
         """One answer per object: its words as one label, as sure as its surest line."""
         found: list[list[_Line]] = [[] for _ in objects]
         for view in observation.views:
-            shown = observation.shown(view)
-            for obj, lines in zip(objects, found, strict=True):
-                lines += self._lines(obj, view, shown)
+            if view.depth is not None:
+                shown, points = observation.shown(view), view.points()
+                for obj, lines in zip(objects, found, strict=True):
+                    lines += self._lines(obj, shown, points)
         return list(map(_naming, objects, found))
 
-    def _lines(self, obj: SceneObject, view: View, shown: View) -> Iterator[_Line]:
-        """The lines of text on an object in a picture."""
-        corner, crop = _crop(obj, shown)
+    def _lines(self, obj: SceneObject, view: View, points: FloatArray) -> Iterator[_Line]:
+        """The lines of text on an object in a picture; ``points`` (H, W, 3) is what its camera sees, in the world."""
+        corner, crop = _crop(obj, view)
         if min(crop.shape[:2]) < LEAST:
             return
         factor = min(CROP / max(crop.shape[:2]), ENLARGED)
@@ -91,14 +92,15 @@ class TextReader:
             read = self._read(np.ascontiguousarray(np.rot90(image, turn)[..., ::-1]))
             for box, text, score in zip(read.boxes, read.txts, read.scores, strict=True) if read.txts else ():
                 corners = np.array([_turned_back(at, turn, size) for at in np.asarray(box)]) / factor
-                lines.append(_Line(text, float(score), corners))
+                if score >= SURE:
+                    lines.append(_Line(text, float(score), corners))
         for line in _best(lines):
-            pixel = (corner + line.corners.mean(axis=0)) * view.camera.width / shown.camera.width
-            point = _point_at(view, pixel)
-            if line.score >= SURE and obj.distances(point) <= NEAR:
+            u, v = ((corner + line.corners.mean(axis=0)) * points.shape[1] / view.camera.width).astype(int)
+            point = points[min(v, points.shape[0] - 1), min(u, points.shape[1] - 1)]
+            if np.isfinite(point).all() and obj.distances(point) <= NEAR:
                 away = float(np.linalg.norm(point - view.camera.position))
                 sides = np.linalg.norm(line.corners[[1, 3]] - line.corners[0], axis=1)
-                yield replace(line, height=away * float(sides.min()) / shown.camera.K[1, 1])
+                yield replace(line, height=away * float(sides.min()) / view.camera.K[1, 1])
 
 
 def words_in(text: str) -> list[str]:
@@ -152,13 +154,6 @@ def _turned_back(at: FloatArray, turn: int, size: tuple[int, int]) -> FloatArray
     """Where a pixel (x, y) of a picture after quarter turns to the left was in it; ``size`` is its width and height."""
     (x, y), (width, height) = at, size
     return np.array([(x, y), (width - y, x), (width - x, height - y), (y, height - x)][turn])
-
-
-def _point_at(view: View, pixel: FloatArray) -> FloatArray:
-    """(3,) the world point that a pixel (x, y) of a picture with depth shows, far away where it has none."""
-    assert view.depth is not None
-    x, y = np.clip(pixel.astype(int), 0, np.array(view.depth.shape[::-1]) - 1)
-    return np.asarray(np.nan_to_num(view.points()[y, x], nan=np.inf))
 
 
 def _engine() -> Any:
