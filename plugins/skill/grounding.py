@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 
 from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, may_look, meant_by
 from gvla2.planning.contracts import RefusedError
 from gvla2.planning.part_hierarchy import is_ajar, root_of
 from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, on_something_unseen, related
-from gvla2.planning.scene import PRINTED, Scene, SceneObject
+from gvla2.planning.scene import PRINTED, READ_ALIKE, Scene, SceneObject, likeness_of_words
 from gvla2_plugins.skill.reading import ITS, SIDES_OF, Noun, Place, Where
 
 _LOOKS = {
@@ -41,8 +40,6 @@ PACKAGES = frozenset("box carton packet package pack bag can tin jar bottle tube
 """Nouns for the package of what is named before them or with "of": "cookie box", "bottle of wine"."""
 VESSELS = frozenset("bin basket container crate tray".split())
 """Nouns for what is open at the top, where anything seen is."""
-READ_ALIKE = 0.8
-"""Least agreement with a word that was read on an object: "ketchlp" for ketchup (.86), not "soap" for soup (.75)."""
 NUMBERS = {"two": 2, "three": 3, "four": 4}
 STATES = {"open": True, "opened": True, "closed": False, "shut": False}
 """Adjectives for drawers and doors that are ajar or not."""
@@ -257,19 +254,18 @@ def _read(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject
     alike: list[tuple[float, SceneObject, tuple[str, ...]]] = []
     for obj in pool:
         printed = _label(obj)[:-1] if obj.named_by == PRINTED else []
-        likeness = {word: max((_likeness(word, own) for own in printed), default=0.0) for word in words}
+        likeness = {
+            word: max((likeness_of_words(word, own) for own in printed), default=0.0) for word in words
+        }
         rest = _true([word for word in words if likeness[word] < READ_ALIKE], obj, pool)
         if likeness[words[-1]] >= READ_ALIKE and rest is not None:
             alike.append((sum(likeness.values()), obj, rest))
     most = max((score for score, _, _ in alike), default=0.0)
     fits = [(o, rest) for score, o, rest in alike if score == most]
-    largest = [(o, rest) for o, rest in fits if any(_likeness(w, _label(o)[0]) >= READ_ALIKE for w in words)]
+    largest = [
+        (o, rest) for o, rest in fits if any(likeness_of_words(w, _label(o)[0]) >= READ_ALIKE for w in words)
+    ]
     return _coloured(largest or fits, frozenset(words), pool)
-
-
-def _likeness(word: str, read: str) -> float:
-    """How far a word agrees with one that was read, letters lost or misread, in [0, 1]."""
-    return SequenceMatcher(None, word, read, autojunk=False).ratio()
 
 
 def _true(mods: Sequence[str], obj: SceneObject, pool: Sequence[SceneObject]) -> tuple[str, ...] | None:
