@@ -22,8 +22,10 @@ class RobosuiteConfig(MujocoConfig):
     """
 
     name: str = "robosuite"
-    cameras: list[str] = field(default_factory=lambda: ["agentview", "frontview", "sideview", "birdview"])
+    cameras: list[str] = field(default_factory=lambda: ["agentview", "frontview", "birdview", "robot0_robotview"])
     image_size: int = 512
+    joint_speed: float = 1.0  # its wrists' motors do not overcome the drag of faster ones
+    acceleration: float = 4.0
     arm: str = "Panda"
     gripper: str = "PandaGripper"
     settle_steps: int = 10

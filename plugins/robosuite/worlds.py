@@ -24,7 +24,7 @@ SENTENCES: Mapping[str, str] = MappingProxyType(
         f"{SUITE}PickPlaceMilk": "put the milk in the bin",
         f"{SUITE}PickPlaceBread": "put the bread in the bin",
         f"{SUITE}PickPlaceCereal": "put the cereal in the bin",
-        f"{SUITE}PickPlaceCan": "put the can in the bin",
+        f"{SUITE}PickPlaceCan": "put the can in the far left compartment of the left bin",
     }
 )
 """Ours: robosuite has none."""
@@ -32,7 +32,7 @@ SENTENCES: Mapping[str, str] = MappingProxyType(
 TABLE = 0.8
 """Height of the table of all tasks, metres."""
 
-LOW, HIGH = (-0.38, -0.40, TABLE), (0.38, 0.45, TABLE + 0.8)
+LOW, HIGH = (-0.38, -0.50, TABLE), (0.38, 0.55, TABLE + 0.8)
 """Where the tool may go, metres."""
 
 
