@@ -147,7 +147,7 @@ def doors(scene: Scene) -> list[Door]:
             along = float(joint.axis @ (panel.centre - joint.origin))
             origin = joint.origin + along * joint.axis
             found.append(Door(panel, origin, joint.axis, arm, float((off @ arm).max()), handle, joint))
-        elif joint is None and handle is not None and (thin := _upright_panel(panel)) is not None:
+        elif handle is not None and not panel.parent and (thin := _upright_panel(panel)) is not None:
             found.append(_door_by_handle(panel, handle, thin))
     return found
 
@@ -173,6 +173,8 @@ def _door_by_handle(panel: SceneObject, handle: SceneObject, normal: FloatArray)
 
 def _lever(panel: SceneObject, handle: SceneObject, out: FloatArray, along: FloatArray) -> FloatArray | None:
     """(3,) where a level bar that is fixed at one end alone is fixed, on the panel's face; None for other handles."""
+    if not len(handle.points):
+        return None
     face = float(panel.centre @ out) + panel.half_along(out)
     off, at = handle.points @ out - face, handle.points @ along
     foot = (off > 0.0) & (off < FOOT * off.max())
@@ -180,8 +182,8 @@ def _lever(panel: SceneObject, handle: SceneObject, out: FloatArray, along: Floa
     upright = high - low < 2 * np.ptp(np.quantile(handle.points[off >= FOOT * off.max(), 2], [0.02, 0.98]))
     if foot.sum() < FEWEST_FOOT or upright:
         return None
-    share = (float(np.median(at[foot])) - low) / (high - low)
-    if END < share < 1.0 - END:
+    first, last = (np.quantile(at[foot], [0.1, 0.9]) - low) / (high - low)
+    if first < 1.0 - END and last > END:
         return None
     spot = np.median(handle.points[foot], axis=0)
     return np.asarray(spot + (face - float(spot @ out)) * out)

@@ -13,7 +13,7 @@ from gvla2.planning.contracts import Abstention
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Trajectory
 from gvla2.skills.mechanisms import UP, Door
-from gvla2.skills.proposals import Grasp, Path, pointing
+from gvla2.skills.proposals import Grasp, Path
 from gvla2.skills.schemas.pick_place import let_go, take
 
 STEP = 0.5
@@ -32,6 +32,8 @@ BAR = 0.02
 """How far the fingers reach over a bar, metres, at least."""
 INSIDE = 0.03
 """Where a door is pushed: this far from its free edge, metres."""
+BELOW = 0.03
+"""How far fingers from above reach below the upper edge of a door that they push, metres."""
 AT_END = 0.05
 """A door this near to its end has reached it, radians."""
 
@@ -39,7 +41,7 @@ AT_END = 0.05
 def propose_swing_open(job: Job, door: Door) -> list[Proposal] | Abstention:
     """Grasp the handle, turn it if it is a lever, and pull it along the arc until a hand fits through."""
     handle, joint = door.handle, door.joint
-    if handle is None:
+    if handle is None or not len(handle.points):
         return Abstention("unknown_skill", f"The {door.panel.label} has no visible handle to pull.")
     left = np.inf if joint is None else joint.reach - joint.position
     if left < AT_END:
@@ -143,17 +145,14 @@ def propose_swing_shut(job: Job, door: Door) -> list[Proposal] | Abstention:
     thick = float(np.quantile(off[edge] @ door.out, 0.95))
     face = door.origin + (door.reach - INSIDE) * door.arm + thick * door.out
 
-    def shut(lean: float, nod: float, sign: float) -> Proposal:
-        into = Rotation.from_rotvec(lean * door.axis).apply(-door.out)
-        approach = Rotation.from_rotvec(nod * np.cross(into, -UP)).apply(into)
-        contact = face - job.hand.tip_beyond_tcp * approach
-        how = f"leaning {np.degrees(lean):.0f}°, {np.degrees(nod):.0f}° down"
-        preference = 0.8 - 0.3 * abs(lean) - 0.2 * nod
-        grasp = Grasp(how, "side", sign * door.axis, approach, contact, 0.0, preference)
+    def shut(
+        how: str, contact: FloatArray, approach: FloatArray, closing: FloatArray, preference: float
+    ) -> Proposal:
+        grasp = Grasp(how, "side", closing, approach, contact, 0.0, preference)
 
         def way() -> Trajectory:
             theta = job.theta
-            path = Path(theta["speed"], theta["contact_speed"], pointing(grasp.closing, approach), 0.0)
+            path = Path(theta["speed"], theta["contact_speed"], grasp.orientation, 0.0)
             path.tolerance = GIVE
             path.go("approach", contact - approach * theta["standoff"])
             path.line("touch", contact, allowed=near, slow=True)
@@ -161,6 +160,21 @@ def propose_swing_shut(job: Job, door: Door) -> list[Proposal] | Abstention:
             path.line("retreat", now.centre - now.approach * theta["standoff"], allowed=near)
             return path.trajectory()
 
-        return Proposal(f"push the {door.panel.label} shut, hand {how}", ("approach:side",), preference, way)
+        return Proposal(f"push the {door.panel.label} shut, hand {how}", grasp.approaches, preference, way)
 
-    return [shut(lean, nod, sign) for lean in LEANS for nod in NODS for sign in (1.0, -1.0)]
+    found = []
+    for lean, nod, sign in product(LEANS, NODS, (1.0, -1.0)):
+        into = Rotation.from_rotvec(lean * door.axis).apply(-door.out)
+        approach = Rotation.from_rotvec(nod * np.cross(into, -UP)).apply(into)
+        how, preference = (
+            f"leaning {np.degrees(lean):.0f}°, {np.degrees(nod):.0f}° down",
+            0.8 - 0.3 * abs(lean),
+        )
+        contact = face - job.hand.tip_beyond_tcp * approach
+        found.append(shut(how, contact, approach, sign * door.axis, preference - 0.2 * nod))
+    over = face + 0.5 * job.hand.finger_breadth * door.out
+    over[2] = door.panel.top - BELOW + job.hand.tip_beyond_tcp
+    for way_out, sign in product((door.out, door.arm), (1.0, -1.0)):
+        closing = sign * np.cross(UP, way_out)
+        found.append(shut("from above", over, -UP, closing, 0.5))
+    return found
