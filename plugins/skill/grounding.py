@@ -16,7 +16,7 @@ from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_col
 from gvla2.planning.contracts import RefusedError
 from gvla2.planning.part_hierarchy import is_ajar, root_of
 from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, on_something_unseen, related
-from gvla2.planning.scene import ROUND, Scene, SceneObject, Shape
+from gvla2.planning.scene import PRINTED, READ_ALIKE, ROUND, Scene, SceneObject, Shape, likeness_of_words
 from gvla2_plugins.skill.reading import ITS, SIDES_OF, Noun, Place, Where
 
 _LOOKS = {
@@ -38,6 +38,8 @@ SYNONYMS = {
 """Pairs of nouns for the same kind, also of an object whose name perception gave."""
 PACKAGES = frozenset("box carton packet package pack bag can tin jar bottle tube".split())
 """Nouns for the package of what is named before them or with "of": "cookie box", "bottle of wine"."""
+VESSELS = frozenset("bin basket container crate tray".split())
+"""Nouns for what is open at the top, where anything seen is."""
 NUMBERS = {"two": 2, "three": 3, "four": 4}
 STATES = {"open": True, "opened": True, "closed": False, "shut": False}
 """Adjectives for drawers and doors that are ajar or not."""
@@ -234,6 +236,8 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
     exact = [o for o, name in names if len(name) == len(words) and all(map(_same, name, words))]
     if exact:
         return exact
+    if read := _read(words, pool):
+        return read
     if "and" in words:  # the yellow and white mug; the red and blue cubes
         at = words.index("and")
         mixed = [o for o in pool if {words[at - 1], words[at + 1]} <= {*_label(o)}]
@@ -247,9 +251,34 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
     for level in range(3):
         fits = [(o, words[: len(words) - n]) for o in pool if (n := _heads(words, o, level))]
         true = [(o, rest) for o, mods in fits if (rest := _true(mods, o, pool)) is not None]
+        if _singular(words[-1]) in VESSELS:
+            true = [(o, rest) for o, rest in true if o.opening] or true
         if true or (fits and not kinds):
             return _coloured(true, frozenset(words), pool)
     return []
+
+
+def _read(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject]:
+    """The objects on which a phrase's noun was read, and each adjective that is not true of them otherwise.
+
+    Of several, those whose words agree best with the phrase, and of these those whose largest print is in it.
+    """
+    words = words[:-1] if len(words) > 1 and _singular(words[-1]) in PACKAGES else words  # "milk carton"
+    alike: list[tuple[float, SceneObject, tuple[str, ...]]] = []
+    for obj in pool:
+        printed = _label(obj)[:-1] if obj.named_by == PRINTED else []
+        likeness = {
+            word: max((likeness_of_words(word, own) for own in printed), default=0.0) for word in words
+        }
+        rest = _true([word for word in words if likeness[word] < READ_ALIKE], obj, pool)
+        if likeness[words[-1]] >= READ_ALIKE and rest is not None:
+            alike.append((sum(likeness.values()), obj, rest))
+    most = max((score for score, _, _ in alike), default=0.0)
+    fits = [(o, rest) for score, o, rest in alike if score == most]
+    largest = [
+        (o, rest) for o, rest in fits if any(likeness_of_words(w, _label(o)[0]) >= READ_ALIKE for w in words)
+    ]
+    return _coloured(largest or fits, frozenset(words), pool)
 
 
 def _true(mods: Sequence[str], obj: SceneObject, pool: Sequence[SceneObject]) -> tuple[str, ...] | None:

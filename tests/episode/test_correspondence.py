@@ -34,3 +34,19 @@ def test_a_moved_thing_is_found_by_its_looks_even_where_another_one_stood() -> N
     before = Scene((cube("r", 0.0, red, "red"), cube("b", 0.3, blue, "blue")), 0.0, SPACE)
     after = Scene((cube("p", 0.0, blue, "blue"), cube("q", 0.3, red, "red")), 0.0, SPACE)
     assert {k: v.id for k, v in correspond(before, after).items()} == {"r": "q", "b": "p"}
+
+
+def test_what_was_read_on_an_object_tells_it_from_another_of_its_looks() -> None:
+    def package(id_: str, label: str, x: float) -> SceneObject:
+        return SceneObject(id_, label, "box", "red", rigid(translation=(x, 0.0, 0.05)), np.array([0.05, 0.07, 0.1]),
+                           np.zeros((0, 3)), np.array([0.8, 0.1, 0.1 + 0.2 * abs(x)]), named_by="text")  # fmt: skip
+
+    before = Scene(
+        (package("pudding", "chocolate pudding box", 0.0), package("k", "tomato ketchup box", 0.3)),
+        0.0,
+        SPACE,
+    )
+    after = Scene((package("p", "fomato etchup box", 0.45),), 0.0, SPACE)
+    assert {k: v.id for k, v in correspond(before, after).items()} == {"k": "p"}
+    misread = Scene((package("p", "dding box", 0.0),), 0.0, SPACE)
+    assert correspond(before, misread)["pudding"].id == "p"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -127,8 +128,19 @@ class MujocoArm:
         opening = float(np.clip(width / made.arm.hand.max_width, 0.0, 1.0))
         viewpoint: Viewpoint = "facing" if self._config.viewpoint == "facing" else "robot"
         return Observation(
-            Views(views), made.arm.forward(joints), joints, opening, width, viewpoint=viewpoint
+            Views(views),
+            made.arm.forward(joints),
+            joints,
+            opening,
+            width,
+            self._finer(eyes) if self._config.picture_size > size else None,
+            viewpoint,
         )
+
+    def _finer(self, eyes: ModelEyes) -> Callable[[str], View]:
+        """A function that takes a camera's picture of this moment with more pixels, for as long as nothing moves."""
+        size = self._config.picture_size
+        return cache(lambda name: View(eyes.camera(name, size), eyes.picture(name, size)))
 
     def execute(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
