@@ -60,8 +60,10 @@ def _cost(first: SceneObject, second: SceneObject) -> float:
 def difference(first: SceneObject, second: SceneObject) -> float:
     """Dissimilarity of two perceived objects: 0 for the same colour, size and label; above 1 for different objects.
 
-    Sizes may shrink in part, because a hand hides some of what it holds.
+    Sizes may shrink in part, because a hand hides some of what it holds. Of two known objects the names decide.
     """
+    if first.known is not None and second.known is not None:
+        return 0.0 if first.label == second.label else 2.0 * MAX_DIFFERENCE
     if (first.shape == "region") != (second.shape == "region"):
         return 2.0 * MAX_DIFFERENCE
     colour = min(float(np.linalg.norm(first.rgb - second.rgb)) / 0.5, 1.5)
