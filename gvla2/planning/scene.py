@@ -147,7 +147,7 @@ class SceneObject:
         return np.asarray(np.linalg.norm(np.maximum(local - 0.5 * self.extents, 0.0), axis=-1))
 
     def half_along(self, way: FloatArray) -> float:
-        """Distance that the oriented box, or the upright round object, reaches from its centre along a unit vector (3,),
+        """Distance from its centre that the oriented box, or an upright round object, reaches along a unit vector (3,),
         metres.
         """
         reach = np.abs(way @ self.world_from_object[:3, :3]) * (0.5 * self.extents)
