@@ -16,6 +16,7 @@ COMMANDS = {
     "memory": "search and list a memory bank, verify it, import, export, forget",
     "export": "write runs as a data set for training: LeRobot",
     "data": "write the gallery of known objects that comes with a robot's world",
+    "objects": "teach an object that a run saw, as an entry of a gallery of known objects",
     "tasks": "list the tasks that a robot can be given",
     "plugins": "list robots, planners, memories and everything else to choose from, with options",
     "doctor": "check this installation, list data sets, and say how to get what is missing",
@@ -40,6 +41,8 @@ def run_command(command: str, argv: list[str]) -> int:
             from gvla2.commands.export import main
         case "data":
             from gvla2.commands.worlds import data as main
+        case "objects":
+            from gvla2.commands.objects import main
         case "tasks":
             from gvla2.commands.worlds import tasks as main
         case "plugins":

@@ -49,6 +49,7 @@ EXTRAS = {
     "test_launchers.py": "ray",
     "test_packaging.py": "build",
     # Only some of their tests need more, and skip without it.
+    "perception/test_text.py": "",
     "plugins/test_embedders.py": "",
     "plugins/test_open_vocabulary.py": "",
     "plugins/test_sam.py": "",

@@ -85,8 +85,8 @@ class Observation:
     ``world_from_tcp`` (4, 4) is the tool centre point between the fingertips (z out of the hand, y along the fingers'
     motion); ``joints`` (dof,) in radians; ``gripper`` is the opening in [0, 1]; ``gripper_width`` the same in metres.
     Nothing here comes from a simulator's state of the scene. ``finer``, where a simulator offers it, takes the same
-    moment's picture by the camera of a name with more pixels, only for people: see :meth:`pictured`. ``viewpoint`` is
-    where the person stands whose words for sides are heard.
+    moment's picture by the camera of a name with more pixels, for people and for reading text: see :meth:`pictured`.
+    ``viewpoint`` is where the person stands whose words for sides are heard.
     """
 
     views: Views
@@ -98,7 +98,7 @@ class Observation:
     viewpoint: Viewpoint = "robot"
 
     def pictured(self) -> Views:
-        """The views to draw for people: the finer ones if available, at the cameras' believed poses."""
+        """The views with the most pixels: the finer ones if available, at the cameras' believed poses."""
         return Views(tuple(map(self.shown, self.views)))
 
     def shown(self, view: View) -> View:

@@ -29,11 +29,13 @@ class VisionOptions(EndpointOptions):
 class NamingOptions:
     """Sources of names besides colour and shape.
 
-    ``gallery``: a folder of scans (.obj, .glb, .ply; with joints .urdf) of known objects, "" for none.
+    ``gallery``: a folder of scans (.obj, .glb, .ply; with joints .urdf) of known objects, "" for none. ``read_text``:
+    whether text on objects that the gallery does not know is read, in pictures of some 700 pixels and more.
     ``read_crops``: whether the model at ``vision`` reads crops of objects that the gallery does not know.
     """
 
     gallery: str = ""
+    read_text: bool = False
     read_crops: bool = False
     vision: VisionOptions = field(default_factory=VisionOptions)
 
@@ -56,6 +58,10 @@ def labellers(options: NamingOptions) -> tuple[Labeller, ...]:
         from gvla2.perception.gallery import Gallery
 
         found.append(Gallery.read(options.gallery))
+    if options.read_text:
+        from gvla2.perception.text import TextReader
+
+        found.append(TextReader())
     if options.read_crops:
         from gvla2.perception.labels import CropReader
 

@@ -158,6 +158,27 @@ def _folder_name(file: Path, root: Path) -> str:
     return root.name
 
 
+def entry_file(folder: str | os.PathLike[str], name: str, *, replace: bool = False) -> Path:
+    """The file, NAME.glb, by which an object called ``name`` is added to a folder that may not exist yet.
+
+    Raises :class:`ConfigurationError` for a name that the folder would not give back, and, unless it is to be
+    replaced, for one that it has.
+    """
+    root, words = Path(folder).expanduser(), re.findall(r"[^\W_]+", name.lower())
+    stem = "_".join(words)
+    if not words or stem in (*_COMMON, *_MODELS) or any(word in stem for word in _FOR_PHYSICS):
+        raise ConfigurationError(f"'{name}' cannot name an object of a gallery: choose another name.")
+    target = root / f"{stem}.glb"
+    known = scan_files(root, joints=True) if root.is_dir() and any(root.iterdir()) else {}
+    present = known.get(" ".join(words))
+    if present is not None and not (replace and present == target):
+        how = "replace=true writes over it" if present == target else "remove it first"
+        raise ConfigurationError(
+            f"'{name}' is in the gallery already: {present}. Choose another name; {how}."
+        )
+    return target
+
+
 def read_scans(folder: str | os.PathLike[str]) -> list[KnownScan]:
     """All scans of a folder; prepared scans are cached by the files' contents.
 

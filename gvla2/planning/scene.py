@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
 from functools import cached_property
 from typing import Literal
 
@@ -25,8 +26,17 @@ SIDES = {
     "front_of": np.array([-1.0, 0.0, 0.0]),
 }
 """Unit vectors to an object's sides, as the robot sees them."""
+PRINTED = "text"
+"""The source of names that are the words read on an object, in no order: some of them may be missing or misread."""
+READ_ALIKE = 0.8
+"""Least likeness of a word and one that was read: "ketchlp" for ketchup (.86), not "soap" for soup (.75)."""
 TOUCHING = 0.008
 """A point this near to an object's box counts as on it, metres: the error of depth cameras and perceived boxes."""
+
+
+def likeness_of_words(one: str, other: str) -> float:
+    """How far two words agree, letters lost or misread, in [0, 1]."""
+    return SequenceMatcher(None, one, other, autojunk=False).ratio()
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from gvla2.episode.record import EpisodeRecord
 from gvla2.episode.refine import masked_views, objects_of_interest
 from gvla2.errors import OutputError
 from gvla2.geometry.view_folders import CAMERAS, VIEWS, write_plain
-from gvla2.geometry.views import Observation
+from gvla2.geometry.views import Observation, Views
 from gvla2.io.files import make_folder, plain, write_bytes, write_json, write_text
 from gvla2.planning.contracts import Plan
 from gvla2.planning.scene import Scene
@@ -228,11 +228,15 @@ class RunRecorder(FolderRecorder):
             write_bytes(self.folder / file, data, flushed=False)
 
     def _keep_views(self, scene: Scene, instruction: str, observation: Observation) -> None:
-        """The views with the named object's silhouette as their mask, for ``gvla2 reconstruct views=FOLDER``."""
+        """The views for ``gvla2 objects teach``, with the named object's silhouette as their mask, empty where it is
+        not in sight, for ``gvla2 reconstruct views=FOLDER``.
+        """
         objects = objects_of_interest(scene, instruction)
-        views = masked_views(observation, objects[0]) if objects else None
-        if views is not None:
-            write_plain(self.folder / VIEWS, views, objects[0].label)
+        shown = (masked_views(observation, objects[0]) if objects else None) or ()
+        masks = {view.name: view.mask for view in shown}
+        empty = {view.name: np.zeros(view.image.shape[:2], np.float32) for view in observation.views}
+        views = Views(tuple(replace(view, mask=(empty | masks)[view.name]) for view in observation.views))
+        write_plain(self.folder / VIEWS, views, objects[0].label if objects else "")
 
     def _finish_film(self) -> None:
         self._motion.finish()

@@ -48,3 +48,19 @@ def test_of_known_objects_the_names_decide_not_their_looks() -> None:
     assert {k: v.id for k, v in correspond(before, after).items()} == {"a": "q", "b": "p"}
     gone = Scene((bowl("p", "ramekin", 0.0, 0.5),), 0.0, SPACE)
     assert "a" not in correspond(before, gone)
+
+
+def test_what_was_read_on_an_object_tells_it_from_another_of_its_looks() -> None:
+    def package(id_: str, label: str, x: float) -> SceneObject:
+        return SceneObject(id_, label, "box", "red", rigid(translation=(x, 0.0, 0.05)), np.array([0.05, 0.07, 0.1]),
+                           np.zeros((0, 3)), np.array([0.8, 0.1, 0.1 + 0.2 * abs(x)]), named_by="text")  # fmt: skip
+
+    before = Scene(
+        (package("pudding", "chocolate pudding box", 0.0), package("k", "tomato ketchup box", 0.3)),
+        0.0,
+        SPACE,
+    )
+    after = Scene((package("p", "fomato etchup box", 0.45),), 0.0, SPACE)
+    assert {k: v.id for k, v in correspond(before, after).items()} == {"k": "p"}
+    misread = Scene((package("p", "dding box", 0.0),), 0.0, SPACE)
+    assert correspond(before, misread)["pudding"].id == "p"

@@ -215,11 +215,11 @@ def test_a_whole_with_one_part_that_moves_means_that_part(sentence, what):
     assert isinstance(meant(SkillCall("open", "cabinet"), counter()), Abstention)
 
 
-def gallery(*named) -> Scene:
+def gallery(*named, source="gallery") -> Scene:
     """Objects whose names perception gave, (label, colour) each, side by side."""
     return scene(
         *(
-            scene_object(label, label, xy=(0.3, 0.1 * i), colour=colour, named_by="gallery")
+            scene_object(label, label, xy=(0.3, 0.1 * i), colour=colour, named_by=source)
             for i, (label, colour) in enumerate(named)
         )
     )
@@ -249,6 +249,39 @@ def test_a_name_that_perception_gave_is_the_name(sentence, named, meant_):
     else:
         assert isinstance(found, Abstention), found
         assert found.kind == "nothing_matches"
+
+
+@pytest.mark.parametrize(
+    ("sentence", "read_on_them", "meant_"),
+    [
+        ("pick up the ketchup", [("tomato ketchlp bottle", "red"), ("milk box", "red")], 0),
+        ("pick up the cream cheese", [("fresh gream gheese box", "blue"), ("butter box", "orange")], 0),
+        (
+            "pick up the bbq sauce",
+            [("tomato sauce cylinder", "red"), ("bbq saucs tangy bottle", "maroon")],
+            1,
+        ),
+        ("pick up the milk carton", [("milk dairy box", "red"), ("butter box", "white")], 0),
+        ("pick up the red butter", [("butter box", "red"), ("butter box", "blue")], 0),
+        ("pick up the orange juice", [("apple juice box", "green"), ("orange juice box", "yellow")], 1),
+        (
+            "pick up the tomato sauce",
+            [("bbq sauce bottle", "maroon"), ("tomato ketchup bottle", "red")],
+            None,
+        ),
+        ("pick up the salad dressing", [("ranch dressing bottle", "white")], None),
+        ("pick up the soup", [("soap cylinder", "red")], None),
+        ("pick up the milk", [("milk box", "red"), ("milk box", "white")], None),
+        ("pick up the milk", [("pudding chocolate milk box", "brown"), ("milk dairy box", "red")], 1),
+    ],
+)
+def test_words_read_on_an_object_name_it_where_the_noun_and_its_adjectives_are_there(
+    sentence, read_on_them, meant_
+):
+    found = read(sentence, gallery(*read_on_them, source="text"))
+    assert isinstance(found, Abstention) == (meant_ is None), found
+    if meant_ is not None:
+        assert [call.theme for call in found] == [read_on_them[meant_][0]]
 
 
 # The tasks' own sentences

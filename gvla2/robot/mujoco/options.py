@@ -12,7 +12,8 @@ from gvla2.errors import ConfigurationError
 class MujocoConfig(ComponentConfig):
     """Options that all robots in MuJoCo worlds have; metres, radians, seconds.
 
-    ``cameras`` are the model's, with square images of ``image_size`` pixels; the film, if one is asked for, is taken by
+    ``cameras`` are the model's, with square images of ``image_size`` pixels; where ``picture_size`` is larger, their
+    colours can also be read with that many, as text on packages is. The film, if one is asked for, is taken by
     the first of them with ``video_size`` pixels and ``video_fps`` pictures a second. ``joint_speed`` and
     ``acceleration`` bound the arm's joints (rad/s, rad/s²), ``pace`` multiplies the tool speeds of plans. ``stiffness``
     is the gain of the joint controller (1/s²). ``viewpoint`` is from where instructions name sides: "robot", or
@@ -21,6 +22,7 @@ class MujocoConfig(ComponentConfig):
 
     cameras: list[str] = field(default_factory=list)
     image_size: int = 256
+    picture_size: int = 0
     video_size: int = 256
     video_fps: float = 5.0
     joint_speed: float = 2.2
@@ -30,15 +32,10 @@ class MujocoConfig(ComponentConfig):
     viewpoint: str = "robot"
 
     def __post_init__(self) -> None:
-        positive = [
-            "image_size",
-            "video_size",
-            "video_fps",
-            "joint_speed",
-            "acceleration",
-            "pace",
-            "stiffness",
-        ]
-        check_ranges(self, "robot", dict.fromkeys(positive, (0.001, 1000000.0, "")))
+        sizes, rates = (
+            ("image_size", "video_size", "video_fps"),
+            ("joint_speed", "acceleration", "pace", "stiffness"),
+        )
+        check_ranges(self, "robot", dict.fromkeys(sizes + rates, (0.001, 1000000.0, "")))
         if self.viewpoint not in ("robot", "facing"):
             raise ConfigurationError(f"robot.viewpoint={self.viewpoint} must be robot or facing.")
