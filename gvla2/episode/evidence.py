@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from gvla2.memory.contracts import Evidence
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import PRINTED, READ_ALIKE, Scene, SceneObject, likeness_of_words
 from gvla2.robot.report import ExecutionReport
 
 MAX_DIFFERENCE = 1.0
@@ -18,6 +18,7 @@ MAX_DIFFERENCE = 1.0
 
 _UNMATCHED = 10.0
 _PLACE_WEIGHT = 0.15
+_OTHER_WORDS = 0.7
 _STILL, _STILL_WEIGHT = 0.03, 0.2
 
 
@@ -60,8 +61,11 @@ def _cost(first: SceneObject, second: SceneObject) -> float:
 def difference(first: SceneObject, second: SceneObject) -> float:
     """Dissimilarity of two perceived objects: 0 for the same colour, size and label; above 1 for different objects.
 
-    Sizes may shrink in part, because a hand hides some of what it holds.
+    Of objects on which no common word was read, only those that look just alike are the same. Sizes may shrink in part,
+    because a hand hides some of what it holds. Of two known objects the names decide.
     """
+    if first.known is not None and second.known is not None:
+        return 0.0 if first.label == second.label else 2.0 * MAX_DIFFERENCE
     if (first.shape == "region") != (second.shape == "region"):
         return 2.0 * MAX_DIFFERENCE
     colour = min(float(np.linalg.norm(first.rgb - second.rgb)) / 0.5, 1.5)
@@ -71,4 +75,8 @@ def difference(first: SceneObject, second: SceneObject) -> float:
     sizes = np.log((np.sort(first.extents) + 0.005) / (np.sort(second.extents) + 0.005))
     size = min(float(np.abs(sizes).mean()), 1.5)
     label = 0.0 if first.label == second.label else 0.15
+    if first.named_by == second.named_by == PRINTED:
+        words, others = first.label.split()[:-1], second.label.split()[:-1]
+        alike = any(likeness_of_words(one, other) >= READ_ALIKE for one in words for other in others)
+        label = 0.0 if alike else _OTHER_WORDS
     return colour + 0.6 * size + label

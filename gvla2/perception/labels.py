@@ -14,7 +14,8 @@ from PIL import Image
 from gvla2.geometry.views import Observation, View
 from gvla2.language.contracts import LanguageModel, LanguageModelError, picture
 from gvla2.language.typed import ask_typed, json_in
-from gvla2.planning.scene import KnownShape, Scene, SceneObject
+from gvla2.perception.objects import object_of
+from gvla2.planning.scene import PRINTED, KnownShape, Scene, SceneObject
 
 SURE_ENOUGH = 0.5
 """Least sureness for a name to be used."""
@@ -76,7 +77,29 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
                 still.append(obj)
                 notes.append(f"{obj.id}: unknown to the {labeller.source}. {answer.why}".strip())
         left = still
-    return replace(scene, notes=tuple(notes))
+    return _joined(replace(scene, notes=tuple(notes)))
+
+
+def _joined(scene: Scene) -> Scene:
+    """The scene with pieces of one package, which bear the same words one above the other, as one object."""
+    read = {o.id: o for o in scene.objects if o.named_by == PRINTED}
+    for small in sorted(read.values(), key=lambda o: float(np.prod(o.extents))):
+        *words, _ = read.pop(small.id).label.split()
+        for whole in read.values():
+            *others, _ = whole.label.split()
+            if {*words} & {*others} and whole.covers(small.centre):
+                points = np.concatenate([whole.points, small.points])
+                colours = np.repeat([whole.rgb], len(points), axis=0)
+                shape = object_of(points, colours, scene.table_height, whole.confidence, whole.id)
+                noun = shape.label.split()[-1]
+                label = " ".join(dict.fromkeys([*others, *words, noun]))
+                sure = max(whole.sureness, small.sureness)
+                read[whole.id] = replace(shape, label=label, named_by=PRINTED, sureness=sure)
+                kept = (o for o in scene.objects if o.id != small.id)
+                moved = (replace(o, parent=whole.id) if o.parent == small.id else o for o in kept)
+                scene = replace(scene, objects=tuple(moved)).with_object(read[whole.id])
+                break
+    return scene
 
 
 CROPS = 2

@@ -30,6 +30,8 @@ SURE = 0.8
 SHORTEST = 3
 """Letters of a word that names something."""
 MOST_WORDS = 8
+IN_A_LINE = 2
+"""A line of more words than this says something about the object ("just add milk"): it is not its name."""
 MARGIN = 0.1
 """Margin of a crop as a share of its longer side: letters at its edge are not found."""
 NAME = 0.5
@@ -51,8 +53,9 @@ class _Line:
 
     def covers(self, other: _Line) -> bool:
         """Whether the middle of another line lies in it."""
-        middle = other.corners.mean(axis=0)
-        return bool(((middle >= self.corners.min(axis=0)) & (middle <= self.corners.max(axis=0))).all())
+        middle = other.corners.mean(axis=0) - self.corners[0]
+        sides = self.corners[[1, 3]] - self.corners[0]
+        return all(0 <= side @ middle <= side @ side for side in sides)
 
 
 class TextReader:
@@ -72,14 +75,15 @@ class TextReader:
         """One answer per object: its words as one label, as sure as its surest line."""
         found: list[list[_Line]] = [[] for _ in objects]
         for view in observation.views:
-            shown = observation.shown(view)
-            for obj, lines in zip(objects, found, strict=True):
-                lines += self._lines(obj, view, shown)
+            if view.depth is not None:
+                shown, points = observation.shown(view), view.points()
+                for obj, lines in zip(objects, found, strict=True):
+                    lines += self._lines(obj, shown, points)
         return list(map(_naming, objects, found))
 
-    def _lines(self, obj: SceneObject, view: View, shown: View) -> Iterator[_Line]:
-        """The lines of text on an object in a picture."""
-        corner, crop = _crop(obj, shown)
+    def _lines(self, obj: SceneObject, view: View, points: FloatArray) -> Iterator[_Line]:
+        """The lines of text on an object in a picture; ``points`` (H, W, 3) is what its camera sees, in the world."""
+        corner, crop = _crop(obj, view)
         if min(crop.shape[:2]) < LEAST:
             return
         factor = min(CROP / max(crop.shape[:2]), ENLARGED)
@@ -90,14 +94,15 @@ class TextReader:
             read = self._read(np.ascontiguousarray(np.rot90(image, turn)[..., ::-1]))
             for box, text, score in zip(read.boxes, read.txts, read.scores, strict=True) if read.txts else ():
                 corners = np.array([_turned_back(at, turn, size) for at in np.asarray(box)]) / factor
-                lines.append(_Line(text, float(score), corners))
+                if score >= SURE:
+                    lines.append(_Line(text, float(score), corners))
         for line in _best(lines):
-            pixel = (corner + line.corners.mean(axis=0)) * view.camera.width / shown.camera.width
-            point = _point_at(view, pixel)
-            if line.score >= SURE and obj.distances(point) <= NEAR:
+            u, v = ((corner + line.corners.mean(axis=0)) * points.shape[1] / view.camera.width).astype(int)
+            point = points[min(v, points.shape[0] - 1), min(u, points.shape[1] - 1)]
+            if np.isfinite(point).all() and obj.distances(point) <= NEAR:
                 away = float(np.linalg.norm(point - view.camera.position))
                 sides = np.linalg.norm(line.corners[[1, 3]] - line.corners[0], axis=1)
-                yield replace(line, height=away * float(sides.min()) / shown.camera.K[1, 1])
+                yield replace(line, height=away * float(sides.min()) / view.camera.K[1, 1])
 
 
 def words_in(text: str) -> list[str]:
@@ -107,13 +112,14 @@ def words_in(text: str) -> list[str]:
 
 
 def _naming(obj: SceneObject, lines: Sequence[_Line]) -> Naming:
-    """The words in the largest print, with the noun of the object's shape."""
+    """The words of short lines in the largest print, with the noun of the object's shape."""
     heights: dict[str, float] = {}
     for line in lines:
-        for word in words_in(line.text):
+        words = words_in(line.text)
+        for word in words if len(words) <= IN_A_LINE else ():
             heights[word] = max(line.height, heights.get(word, 0.0))
     if not heights:
-        return Naming("", 0.0, why="No text is read on it.")
+        return Naming("", 0.0, why="No name is read on it.")
     large = [word for word, height in heights.items() if height >= NAME * max(heights.values())]
     words = sorted(large, key=lambda word: -heights[word])[:MOST_WORDS]
     return Naming(" ".join([*words, obj.label.split()[-1]]), max(line.score for line in lines))
@@ -123,7 +129,7 @@ def _best(lines: Sequence[_Line]) -> list[_Line]:
     """The lines without those at whose place more letters were read, or surer ones, in another turn."""
     kept: list[_Line] = []
     for line in sorted(lines, key=lambda line: -line.score * len(line.text)):
-        if not any(line.covers(other) or other.covers(line) for other in kept):
+        if not any(other.covers(line) for other in kept):
             kept.append(line)
     return kept
 
@@ -151,13 +157,6 @@ def _turned_back(at: FloatArray, turn: int, size: tuple[int, int]) -> FloatArray
     """Where a pixel (x, y) of a picture after quarter turns to the left was in it; ``size`` is its width and height."""
     (x, y), (width, height) = at, size
     return np.array([(x, y), (width - y, x), (width - x, height - y), (y, height - x)][turn])
-
-
-def _point_at(view: View, pixel: FloatArray) -> FloatArray:
-    """(3,) the world point that a pixel (x, y) of a picture with depth shows, far away where it has none."""
-    assert view.depth is not None
-    x, y = np.clip(pixel.astype(int), 0, np.array(view.depth.shape[::-1]) - 1)
-    return np.asarray(np.nan_to_num(view.points()[y, x], nan=np.inf))
 
 
 def _engine() -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from difflib import SequenceMatcher
 from functools import cached_property
 from typing import Literal
 
@@ -27,8 +28,15 @@ SIDES = {
 """Unit vectors to an object's sides, as the robot sees them."""
 PRINTED = "text"
 """The source of names that are the words read on an object, in no order: some of them may be missing or misread."""
+READ_ALIKE = 0.8
+"""Least likeness of a word and one that was read: "ketchlp" for ketchup (.86), not "soap" for soup (.75)."""
 TOUCHING = 0.008
 """A point this near to an object's box counts as on it, metres: the error of depth cameras and perceived boxes."""
+
+
+def likeness_of_words(one: str, other: str) -> float:
+    """How far two words agree, letters lost or misread, in [0, 1]."""
+    return SequenceMatcher(None, one, other, autojunk=False).ratio()
 
 
 @dataclass(frozen=True)
@@ -149,8 +157,13 @@ class SceneObject:
         return np.asarray(np.linalg.norm(np.maximum(local - 0.5 * self.extents, 0.0), axis=-1))
 
     def half_along(self, way: FloatArray) -> float:
-        """Distance that the oriented box reaches from its centre along a unit vector (3,), metres."""
-        return float(np.abs(way @ self.world_from_object[:3, :3]) @ (0.5 * self.extents))
+        """Distance from its centre that the oriented box, or an upright round object, reaches along a unit vector (3,),
+        metres.
+        """
+        reach = np.abs(way @ self.world_from_object[:3, :3]) * (0.5 * self.extents)
+        if self.shape in ROUND and abs(self.world_from_object[2, 2]) > 0.5:
+            return float(np.hypot(reach[0], reach[1]) + reach[2])
+        return float(reach.sum())
 
     def covers(self, point: FloatArray) -> bool:
         """Whether a point (3,), by its x and y, is within the oriented box's footprint."""

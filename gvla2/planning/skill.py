@@ -136,11 +136,15 @@ class Job:
         """The lowest height of the tool, pointing down, with the fingertips above the table, metres."""
         return self.scene.table_height + TABLE_GAP + self.hand.tip_beyond_tcp
 
+    def foot(self) -> tuple[float, float]:
+        """(x, y) of the arm's foot, at the middle of the workspace's near side, metres."""
+        low, high = self.workspace.low, self.workspace.high
+        return float(low[0]), float(0.5 * (low[1] + high[1]))
+
     def outward(self) -> FloatArray:
-        """(3,) level vector from the arm's foot, at the middle of the workspace's near side, to the theme."""
-        outward = self.theme.centre.copy()
-        outward[0] -= self.workspace.low[0]
-        outward[1] -= 0.5 * (self.workspace.low[1] + self.workspace.high[1])
+        """(3,) level vector from the arm's foot to the theme."""
+        outward = self.theme.centre
+        outward[:2] -= self.foot()
         outward[2] = 0.0
         return outward
 

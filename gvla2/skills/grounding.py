@@ -34,7 +34,7 @@ from gvla2.planning.part_hierarchy import (
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.skill import Skill
 from gvla2.skills.grasps import has_hold
-from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
+from gvla2.skills.mechanisms import door_for, hinge_for, slide_for, stuck
 from gvla2.skills.schemas.pick_place import fits_over
 
 OVER = ("on", "in", "to", "")
@@ -109,6 +109,8 @@ def suited(skill: str, theme: SceneObject, scene: Scene, *, aimed: bool = False)
     if skill == "pull" and any(inside(theme, holder) for holder in holders(theme, scene)):
         return "pick"  # up, out of what it stands in, even if it has a handle
     if skill in ("open", "pull"):
+        if door_for(theme, scene) is not None:
+            return "open"
         if (hinge := hinge_for(theme, scene)) is not None and (skill == "open" or theme.id == hinge.lid.id):
             return "open"
         if slide_for(theme, scene) is not None:
@@ -195,7 +197,11 @@ def fits_press(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
 
 def fits_close(obj: SceneObject, scene: Scene, hand: Hand) -> bool:
     """Something with a hinge or a slide."""
-    return hinge_for(obj, scene) is not None or slide_for(obj, scene) is not None
+    return (
+        door_for(obj, scene) is not None
+        or hinge_for(obj, scene) is not None
+        or slide_for(obj, scene) is not None
+    )
 
 
 FITS: Mapping[str, Callable[[SceneObject, Scene, Hand], bool]] = {

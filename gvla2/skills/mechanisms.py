@@ -1,9 +1,9 @@
-"""Mechanisms: hinged lids, sliding drawers, objects held between others, lamps.
+"""Mechanisms: hinged lids and doors, sliding drawers, objects held between others, lamps.
 
-A part with a known joint slides along its axis. Otherwise geometry decides: a flat part over a hollow one turns about
-one of its edges, and a part with a handle in front of an upright face slides along that face's normal. If nothing shows
-where a closed lid's hinge is, it is assumed to open towards the robot, as boxes are placed for someone who is to open
-them.
+A part with a known joint slides along or turns about its axis. Otherwise geometry decides: a flat part over a hollow
+one turns about one of its edges, a part with a handle in front of an upright face slides along that face's normal, and
+a thin panel turns about the upright edge that is farther from its handle. If nothing shows where a closed lid's hinge
+is, it is assumed to open towards the robot, as boxes are placed for someone who is to open them.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.planning.part_hierarchy import holders, inside, is_handle, is_lid
+from gvla2.planning.part_hierarchy import holders, inside, is_ajar, is_handle, is_lid
 from gvla2.planning.scene import ROUND, PartJoint, Scene, SceneObject
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -28,6 +28,11 @@ SLIM = 0.02
 """Greatest thickness of a handle, metres."""
 BESIDE = 0.004
 """Points of a drawer farther than this from its handle, across the way out, are its front's, metres."""
+PANEL = 0.08
+"""A door is thinner, and no side of it is shorter, metres."""
+FOOT, FEWEST_FOOT, END = 0.45, 8, 0.35
+"""Share of a handle's distance from the panel within which it is fixed, the fewest points that show it, and the share
+of a lever's length in which it is."""
 CLOSED = 0.15
 """A lid tilted by less is closed, radians."""
 
@@ -103,6 +108,92 @@ class Slide:
                 return float((self.front.points[beside] @ self.out).max())
         objects = [o for o in (self.front, self.body) if o is not None]
         return max(float(o.centre @ self.out) + o.half_along(self.out) for o in objects)
+
+
+@dataclass(frozen=True)
+class Door:
+    """A panel that turns about the unit vector ``axis`` (3,) through ``origin`` (3,), right-handed to open.
+
+    ``arm`` (3,) is the unit vector from the axis to its free edge now, ``reach`` metres away. ``handle`` is None where
+    none is seen; ``joint`` says how far it is open, where that is known. ``lever`` (3,) is the point on the panel about
+    which its handle turns, None for one that is fixed.
+    """
+
+    panel: SceneObject
+    origin: FloatArray
+    axis: FloatArray
+    arm: FloatArray
+    reach: float
+    handle: SceneObject | None = None
+    joint: PartJoint | None = None
+    lever: FloatArray | None = None
+
+    @cached_property
+    def out(self) -> FloatArray:
+        """(3,) unit, out of its face: the direction in which the free edge moves when it opens."""
+        return np.cross(self.axis, self.arm)
+
+
+def doors(scene: Scene) -> list[Door]:
+    """All parts that are known to turn and are no knobs, and all thin upright panels with a handle before them."""
+    found = []
+    for panel in scene.objects:
+        handle = next((part for part in scene.parts_of(panel.id) if is_handle(part)), None)
+        joint = panel.joint
+        if joint is not None and not joint.slides and is_ajar(panel) is not None and len(panel.points):
+            off = panel.points - joint.origin
+            off = off - np.outer(off @ joint.axis, joint.axis)
+            arm = off.mean(axis=0) / np.linalg.norm(off.mean(axis=0))
+            along = float(joint.axis @ (panel.centre - joint.origin))
+            origin = joint.origin + along * joint.axis
+            found.append(Door(panel, origin, joint.axis, arm, float((off @ arm).max()), handle, joint))
+        elif handle is not None and not panel.parent and (thin := _upright_panel(panel)) is not None:
+            found.append(_door_by_handle(panel, handle, thin))
+    return found
+
+
+def _upright_panel(obj: SceneObject) -> FloatArray | None:
+    """(3,) the level unit normal of something thin and upright; None for anything else."""
+    thin = int(np.argmin(obj.extents))
+    normal = obj.world_from_object[:3, thin]
+    slim = obj.extents[thin] < PANEL and np.delete(obj.extents, thin).min() > PANEL
+    return normal if slim and abs(normal[2]) < 0.3 else None
+
+
+def _door_by_handle(panel: SceneObject, handle: SceneObject, normal: FloatArray) -> Door:
+    """Its hinge is the upright edge that is farther from the handle, and it opens to the side that the handle is on."""
+    shift = handle.centre - panel.centre
+    out = _flat(normal) * (1.0 if shift @ normal > 0 else -1.0)
+    arm = np.cross(UP, out)
+    arm = arm if shift @ arm > 0 else -arm
+    half = panel.half_along(arm)
+    origin, axis = panel.centre - half * arm, np.cross(arm, out)
+    return Door(panel, origin, axis, arm, 2 * half, handle, lever=_lever(panel, handle, out, arm))
+
+
+def _lever(panel: SceneObject, handle: SceneObject, out: FloatArray, along: FloatArray) -> FloatArray | None:
+    """(3,) where a level bar that is fixed at one end alone is fixed, on the panel's face; None for other handles."""
+    if not len(handle.points):
+        return None
+    face = float(panel.centre @ out) + panel.half_along(out)
+    off, at = handle.points @ out - face, handle.points @ along
+    foot = (off > 0.0) & (off < FOOT * off.max())
+    low, high = np.quantile(at, [0.02, 0.98])
+    upright = high - low < 2 * np.ptp(np.quantile(handle.points[off >= FOOT * off.max(), 2], [0.02, 0.98]))
+    if foot.sum() < FEWEST_FOOT or upright:
+        return None
+    first, last = (np.quantile(at[foot], [0.1, 0.9]) - low) / (high - low)
+    if first < 1.0 - END and last > END:
+        return None
+    spot = np.median(handle.points[foot], axis=0)
+    return np.asarray(spot + (face - float(spot @ out)) * out)
+
+
+def door_for(obj: SceneObject, scene: Scene) -> Door | None:
+    """The door that an object is, or that it is the handle or the whole of; None if there is none."""
+    found = doors(scene)
+    own = (d for d in found if obj.id in (d.panel.id, d.handle.id if d.handle is not None else ""))
+    return next(own, None) or next((d for d in found if obj.id == d.panel.parent), None)
 
 
 def hinges(scene: Scene) -> list[Hinge]:

@@ -49,6 +49,7 @@ _TABLE: Mapping[str, tuple[str, str, float, float]] = {
     "press_seconds": ("s", "how long a button is held down", 0.0, 5.0),
     "lip_depth": ("m", "how far inside a lid's free edge it is grasped", 0.0, 0.03),
     "open_angle": ("rad", "how far a lid is swung open, from closed", 0.2, 3.0),
+    "lever_turn": ("rad", "how far the lever of a door is turned down", 0.0, 1.57),
     "hook_depth": ("m", "how far below a lid's free edge the fingers hook", 0.0, 0.05),
     "let_go_angle": ("rad", "opening from which a lid falls shut by itself", 0.0, 2.0),
     "pull_distance": ("m", "how far it is pulled (or drawn beyond being free)", 0.0, 0.4),
@@ -102,6 +103,7 @@ def defaults(
         "press_seconds": 0.0,  # few buttons must be held down
         "lip_depth": 0.006,  # half of the finger pads, so that the tips end before the wall under the lip
         "open_angle": 1.82,  # a quarter of a radian past the vertical, where its weight holds the lid
+        "lever_turn": 1.2,  # to the stop of most
         "hook_depth": 0.012,  # a pad's length
         "let_go_angle": 1.0,  # from here a lid falls shut by its weight
         "pull_distance": rest if slides else 0.15,  # a hand fits into the open drawer, and few are shorter

@@ -15,9 +15,10 @@ from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.composites import SceneDraft
 from gvla2_plugins.classical.levels import leaning_plate, split_by_height
 from gvla2_plugins.classical.pixels import IntArray, Pixels, TableFrame, alike, groups, seen_through
-from gvla2_plugins.classical.shaping import GOOD, opened, shape_object
+from gvla2_plugins.classical.shaping import EDGE, GOOD, opened, shape_object, within_walls
 from gvla2_plugins.classical.solids import THIN, SeenObject
 
+FEW, NEAR = 0.02, 0.003  # of another piece's pixels: what has fewer may be its edge; metres from its points
 BETWEEN = 0.2  # of the way between them that cameras may seem to look through, where their poses err
 IN_HAND = 0.05  # metres from the fingertips to an object that they may hold
 TOUCH = 0.008  # metres between an object and what carries it
@@ -37,7 +38,8 @@ def assemble(
     between the fingertips: what is there may hang in the air.
     """
     gap, min_points = config.gap, config.min_points
-    objects = [shape_object(frames, pixels, members, gap) for members in groups(labels, min_points)]
+    pieces = [members for members in groups(labels, min_points) if _is_raised(pixels, members, config)]
+    objects = [shape_object(frames, pixels, members, gap) for members in pieces]
     objects = _join_fragments(frames, pixels, _absorb(pixels, objects), gap, config.fragment_reach)
     parts: list[SeenObject] = []
     for group, obj in enumerate(objects):
@@ -50,22 +52,36 @@ def assemble(
     return rest_on_each_other(parts, hand)
 
 
+def _is_raised(pixels: Pixels, members: IntArray, config: ClassicalConfig) -> bool:
+    """Whether most of a piece is above the table; else it is the table, seen through a hole or beside an edge."""
+    return bool(np.median(pixels.points[members, 2]) > 0.25 * config.min_height)
+
+
 def _absorb(pixels: Pixels, objects: Sequence[SeenObject]) -> list[SeenObject]:
-    """The objects without scraps: small pieces that lie on, and look like, a solid that is already found."""
+    """The objects without scraps: small pieces that lie on, and look like, a solid that is already found, and edges of
+    another, whose pixels have in part the colour of what is behind them.
+    """
     kept: list[SeenObject] = []
     for obj in sorted(objects, key=lambda t: -len(t.members)):
         look = np.median(pixels.look[obj.members], axis=0)
         for k, other in enumerate(kept):
-            if len(obj.members) > 0.35 * len(other.members) or other.agreement < GOOD:
+            if len(obj.members) > 0.35 * len(other.members):
                 continue
             on_it = (np.abs(other.local(obj.points)) < 0.5 * other.extents + TOUCH).all(axis=1)
-            if on_it.mean() > 0.8 and alike(look, np.median(pixels.look[other.members], axis=0)):
+            own = other.agreement >= GOOD and alike(look, np.median(pixels.look[other.members], axis=0))
+            if on_it.mean() > 0.8 and (own or _is_edge(obj, other)):
                 members = np.sort(np.concatenate([other.members, obj.members]))
                 kept[k] = replace(other, members=members, points=pixels.points[members])
                 break
         else:
             kept.append(obj)
     return kept
+
+
+def _is_edge(obj: SeenObject, other: SeenObject) -> bool:
+    """Whether an object is a few pixels that are nowhere far from those of another."""
+    few = len(obj.members) < FEW * len(other.members)
+    return few and float(np.quantile(cKDTree(other.points).query(obj.points)[0], 0.9)) < NEAR
 
 
 def _join_fragments(
@@ -208,11 +224,16 @@ def _intersect(one: SeenObject, other: SeenObject) -> bool:
 
 
 def _is_paint(one: SeenObject, other: SeenObject) -> bool:
-    """Whether what is seen of the smaller lies on the solid that explains the other."""
-    small, large = _by_size(one, other)
-    if large.hollow or large.agreement < GOOD:
+    """Whether what is seen of one lies on the solid that explains the other; on the walls of a hollow one."""
+    return _lies_on(one, other) or _lies_on(other, one)
+
+
+def _lies_on(piece: SeenObject, other: SeenObject) -> bool:
+    if other.agreement < GOOD or len(piece.members) > len(other.members):
         return False
-    on_it = (np.abs(large.local(small.points)) < 0.5 * large.extents + FLUSH).all(axis=1)
+    on_it = (np.abs(other.local(piece.points)) < 0.5 * other.extents + FLUSH).all(axis=1)
+    if other.hollow:
+        on_it &= ~within_walls(other, piece.points, EDGE)
     return bool(on_it.mean() > ON_IT)
 
 

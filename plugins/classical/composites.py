@@ -223,6 +223,41 @@ def _about(obj: SeenObject, case: SeenObject) -> SeenObject:
     return boxed(obj, case, *np.percentile(case.local(obj.points), [0.5, 99.5], axis=0))
 
 
+PANEL = 0.15  # metres: no side of a door is shorter
+STANDS_OFF = (0.02, 0.15)  # metres by which the handle of a door does
+
+
+def join_doors(draft: SceneDraft) -> None:
+    """A thin upright panel before which something smaller stands off, within its outline, is a door with its handle."""
+    found = list[SeenObject]()
+    for k in sorted(draft.left(), key=lambda j: -len(draft.objects[j].members)):
+        panel = draft.objects[k]
+        upright = (
+            panel.kind in ("box", "other") and not panel.noun and panel.turn is None and not panel.hollow
+        )
+        if draft.now(k) != k or not upright or min(panel.extents[::2]) < PANEL or panel.extents[1] > LARGE:
+            continue
+        if any(door.covers(panel.centre[None, :2], LARGE)[0] for door in found):
+            continue  # its frame
+        near, far = STANDS_OFF
+        pieces = {j: _before(draft.objects[j], panel) for j in draft.left() if j != k}
+        bars = {
+            j: piece.side
+            for j, piece in pieces.items()
+            if piece is not None
+            and piece.side[1] == 1
+            and near < piece.far < far
+            and piece.breadths.max() < 0.5 * panel.extents[0]
+        }
+        if not bars:
+            continue
+        best = max(bars, key=lambda j: len(draft.objects[j].members))
+        draft.objects[best] = replace(_about(draft.objects[best], panel), noun="handle", part_of=k, on=-1)
+        draft.objects[k] = replace(panel, noun="door")
+        draft.take_in(best, [j for j, side in bars.items() if j != best and side == bars[best]])
+        found.append(panel)
+
+
 AXIS = 0.25  # of a carrier's width: how far off its axis a part of it may be
 TALL = 1.15  # a vessel is taller, in its widths
 HOVER = 0.05  # metres between a vessel and a head on a neck that is not seen

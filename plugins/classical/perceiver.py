@@ -23,6 +23,7 @@ from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble, join_overlapping
 from gvla2_plugins.classical.composites import (
     join_bottles,
+    join_doors,
     join_fronts,
     join_lids,
     join_stems,
@@ -48,7 +49,7 @@ from gvla2_plugins.classical.pixels import (
 from gvla2_plugins.classical.solids import SeenObject, evenly
 
 BORDER = 0.06  # metres around the workspace that are looked at too: what stands on its edge is seen whole
-WHOLES = (join_lids, join_fronts, join_stems, name_knives, join_bottles)
+WHOLES = (join_lids, join_fronts, join_doors, join_stems, name_knives, join_bottles)
 """What is looked for, in this order: a side of a case is not to be taken for a bottle."""
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
+from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes, label
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.footprints import flat_object
@@ -29,6 +29,7 @@ from gvla2_plugins.classical.solids import (
     solid,
     sphere_distance,
     spread_out,
+    upright_rectangle,
 )
 
 MOST_FREE, MOST_RAYS = 150, 40  # free points and outermost rays that are kept of one view
@@ -36,6 +37,8 @@ BEFORE = 0.006  # metres in front of a measured surface where a ray is certainly
 ALONG = np.linspace(-0.006, 0.010, 9)  # metres about a measured depth, along the ray
 FLAT = 0.03  # metres: a ring is no higher
 NARROWEST = 0.008  # metres: a smaller hole is no hole that is seen
+HOLE_CELL, PADDING = 0.003, 2  # metres: side of the cells in which a hole is looked for; cells around it
+ROUND_HOLE = 0.87  # of the rectangle about it: a hole that fills less is round
 THICK, FLOOR = 0.016, 0.02  # metres: no wall and no floor is thicker
 STRAY = 0.05  # share of the points that need not be where they should
 FEWEST = 20  # points that determine where a wall is
@@ -106,8 +109,8 @@ def opened(frames: Sequence[TableFrame], obj: SeenObject) -> SeenObject:
     width = float(min(obj.extents[:2]))
     if obj.extents[2] > min(FLAT, 0.6 * width) or width > 0.2:
         return obj
-    hole = _hole(frames, obj)
-    return replace(obj, opening=hole, noun="ring") if hole > NARROWEST else obj
+    ring = _ring(frames, obj)
+    return obj if ring is None else ring
 
 
 def _between_walls(obj: SeenObject) -> float:
@@ -124,17 +127,45 @@ def _between_walls(obj: SeenObject) -> float:
     return max(0.0, width - 2.0 * wall)
 
 
-def _hole(frames: Sequence[TableFrame], obj: SeenObject) -> float:
-    """Width of the hole in the middle of a flat object, metres: rays there go on to the table. 0 without one."""
-    half, steps = 0.5 * obj.extents[2], np.linspace(-0.12, 0.12, 3)
-    if seen_through(frames, obj.grid(steps, steps, np.array([0.5])), margin=half).mean() < 0.6:
-        return 0.0
-    rim: FloatArray = obj.local(obj.points)
-    upper = rim[rim[:, 2] > half - 0.003]
-    if len(upper) < FEWEST:
-        return 0.0
-    off = np.hypot(upper[:, 0], upper[:, 1]) if obj.kind == "cylinder" else np.abs(upper[:, :2]).max(axis=1)
-    return 2.0 * float(np.percentile(off, 2.0))
+def _ring(frames: Sequence[TableFrame], obj: SeenObject) -> SeenObject | None:
+    """A flat object with the largest hole in it that rays pass through, as a ring about that hole; None without one.
+
+    Its box has the hole's middle, also where a handle stands out on one side of it, and the turn of the hole's sides.
+    """
+    spots = _cells(obj)
+    rim = obj.local(obj.points)
+    rim = rim[rim[:, 2] > 0.5 * obj.extents[2] - 0.003, :2]
+    if len(rim) < FEWEST:
+        return None
+    cells = np.floor((rim + 0.5 * obj.extents[:2]) / HOLE_CELL).astype(int) + PADDING
+    seen = np.zeros(spots.shape[:2], dtype=bool)
+    seen[tuple(np.clip(cells, 0, np.array(seen.shape) - 1).T)] = True
+    seen = binary_dilation(seen)
+    holes, count = label(binary_fill_holes(seen) & ~seen)
+    if not count:
+        return None
+    largest = spots[holes == 1 + int(np.argmax(np.bincount(holes.ravel())[1:]))]  # (N, 2)
+    local = np.column_stack([largest, np.full(len(largest), 0.5 * obj.extents[2])])
+    at = obj.centre + local @ obj.pose[:3, :3].T
+    yaw, middle, sides = narrow_yaw(at[:, :2], trim=0.0)
+    if seen_through(frames, at, margin=0.5 * obj.extents[2]).mean() < 0.6:
+        return None
+    off, (c, s) = obj.points[:, :2] - middle, (np.cos(yaw), np.sin(yaw))
+    inner = np.abs(off @ np.array([[c, -s], [s, c]]))
+    square = len(largest) * HOLE_CELL**2 > ROUND_HOLE * float(sides.prod())
+    hole = 2.0 * float(np.percentile(inner.max(axis=1) if square else np.linalg.norm(off, axis=1), 2.0))
+    if hole < NARROWEST:
+        return None
+    yaw, width, depth = upright_rectangle(yaw, *(2.0 * np.percentile(inner, 99.5, axis=0)))
+    centre, extents = np.array([*middle, obj.centre[2]]), np.array([width, depth, obj.extents[2]])
+    return replace(obj, centre=centre, yaw=yaw, extents=extents, opening=hole, noun="ring")
+
+
+def _cells(obj: SeenObject) -> FloatArray:
+    """(R, C, 2) middles of the cells of a grid over an object's footprint, in its own frame."""
+    counts = np.ceil(obj.extents[:2] / HOLE_CELL).astype(int) + 2 * PADDING
+    rows, columns = (HOLE_CELL * (np.arange(n) + 0.5 - PADDING) for n in counts)
+    return np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1) - 0.5 * obj.extents[:2]
 
 
 def within_walls(obj: SeenObject, points: FloatArray, wall: float = THICK) -> NDArray[np.bool_]:
@@ -168,6 +199,9 @@ RIM = 0.006  # metres: a wall is no thinner
 SQUARE = 1.35  # length over breadth of what may be round
 UPRIGHT = 0.5  # of the length of what is seen: an object that is lower shows its top, and so its outline
 SHEET = 0.008  # metres: what is no higher is fitted by its outline
+WIDE, EDGE = 0.1, 0.025  # metres: least width of what is taken for walls, and how thick these are at most
+RIM_BINS, RIM_SEEN = 20, 0.7  # intervals of a side, and the share of them in which its upper edge is seen
+SEEN_PAST = 0.5  # share of the inside that cameras look through
 ANYWHERE, LENGTH = (-10.0, 10.0), (0.5 * THIN, 3.0)
 DISTANCES: dict[Kind, Distance] = {
     "box": box_distance,
@@ -239,11 +273,44 @@ def shape_object(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray
     if (hollow := _hollow(frames, evidence, obj, fit)) is not None:
         return hollow
     if fit.agreement < 0.5 * GOOD or not _within(evidence, obj):
-        # No solid that we know: the box about its points.
+        # No solid that we know: the box about its points, or four walls about something else.
         yaw, middle, lengths = narrow_yaw(obj.points[:, :2], trim=0.5)
         lengths = np.maximum(lengths, THIN)
         obj = obj.posed("other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
+        obj = obj if evidence.floating else _walled(frames, obj)
     return obj
+
+
+def _walled(frames: Sequence[TableFrame], obj: SeenObject) -> SeenObject:
+    """The object as a hollow box, if its edge is a rim all around and one sees past most of its inside: a bin, also one
+    with compartments, or with contents that rise above it.
+    """
+    local = obj.local(obj.points)
+    short = float(min(obj.extents[:2]))
+    near = np.abs(local[:, :2]) > 0.5 * obj.extents[:2] - EDGE  # (N, 2) at a side of each pair
+    if short < WIDE or not near.any():
+        return obj
+    rim = float(np.percentile(local[near.any(axis=1), 2], 95.0))
+    high, shares = local[:, 2] > rim - EDGE, []
+    for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        side = high & near[:, axis] & (sign * local[:, axis] > 0)
+        length = obj.extents[1 - axis]
+        bins = np.floor((local[side, 1 - axis] / length + 0.5) * RIM_BINS).astype(int)
+        shares.append(len(np.unique(np.clip(bins, 0, RIM_BINS - 1))) / RIM_BINS)
+    top = obj.centre[2] + rim
+    height = max(THIN, top - obj.bottom)
+    walled = replace(
+        obj,
+        kind="box",
+        hollow=True,
+        centre=np.array([*obj.centre[:2], top - 0.5 * height]),
+        extents=np.array([*obj.extents[:2], height]),
+        agreement=1.0 - float(within_walls(obj, obj.points, EDGE).mean()),
+    )
+    across = np.linspace(-0.42, 0.42, 14)
+    inside = walled.grid(across, across, np.array([0.0, 0.25]))
+    open_ = height < short and seen_through(frames, inside).mean() > SEEN_PAST
+    return walled if open_ and min(shares) > RIM_SEEN else obj
 
 
 def _hollow(

@@ -16,7 +16,7 @@ from gvla2.io.files import write_whole
 from gvla2.robot.mujoco.description import add_joint, painted
 from gvla2.robot.mujoco.stepping import DRAWN, silent
 from gvla2.robot.mujoco.truth import model_joint, moving_body, part_label
-from gvla2_plugins.libero.worlds import Sentences, import_benchmark
+from gvla2_plugins.libero.worlds import bddl_files
 
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
 """Whose objects are known by default."""
@@ -27,10 +27,9 @@ def write_gallery(folder: Path, suites: Sequence[str] = SUITES) -> list[str]:
 
     A rigid one is NAME.glb, one with joints NAME.urdf with a mesh for each link in the folder NAME.
     """
-    import_benchmark()
+    files = [file for task, file in bddl_files().items() if task.partition("/")[0] in suites]
     with silent():
         from libero.libero.envs.objects import OBJECTS_DICT
-    files = [file for task, file in Sentences().files.items() if task.partition("/")[0] in suites]
     named = {name for file in files for name in _categories(file.read_text())} & OBJECTS_DICT.keys()
     folder.mkdir(parents=True, exist_ok=True)
     for name in sorted(named):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,40 +40,35 @@ def import_benchmark() -> Any:
     return benchmark
 
 
-class Sentences(Mapping[str, str]):
-    """The sentence of each task ``suite/number``, read from its BDDL file when it is asked for.
+def bddl_files() -> dict[str, Path]:
+    """The file of each task, by its name ``suite/number``."""
+    maps = import_benchmark().task_maps
+    from libero.libero import get_libero_path
 
-    Names of files, from which the package's own ``language`` comes, are of another task in some suites.
-    """
+    folder = Path(get_libero_path("bddl_files"))
+    files = {
+        f"{suite}/{number}": folder / suite / task.bddl_file
+        for suite, tasks in maps.items()
+        for number, task in enumerate(tasks.values())
+    }
+    return {
+        name: file for name, file in files.items() if file.is_file()
+    }  # the package lists some that it lacks
 
-    def __init__(self) -> None:
-        from libero.libero import get_libero_path
 
-        maps = import_benchmark().task_maps
-        folder = Path(get_libero_path("bddl_files"))
-        self.files = {
-            f"{suite}/{number}": folder / suite / task.bddl_file
-            for suite, tasks in maps.items()
-            for number, task in enumerate(tasks.values())
-            if (folder / suite / task.bddl_file).is_file()  # the package lists some that it does not hold
-        }
-
-    def __getitem__(self, name: str) -> str:
-        found = re.search(r"\(:language\s+([^)]*)\)", self.files[name].read_text())
-        return " ".join(found[1].split()) if found else ""
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.files)
-
-    def __len__(self) -> int:
-        return len(self.files)
+def sentence_of(file: Path) -> str:
+    """A task's sentence: the names of files, from which the package's own comes, are of another task in some suites."""
+    found = re.search(r"\(:language\s+([^)]*)\)", file.read_text())
+    return " ".join(found[1].split()) if found else ""
 
 
 class LiberoArm(MujocoArm):
     """The robot: a Panda in LIBERO's worlds, whose objects are known."""
 
     def __init__(self, config: LiberoConfig) -> None:
-        super().__init__(config, LiberoWorlds(config))
+        files = bddl_files()
+        sentences = {task: sentence_of(file) for task, file in files.items()}
+        super().__init__(config, sentences, lambda task: LiberoWorld(task, files[task], config))
 
     def write_gallery(self, folder: Path) -> Sequence[str]:
         """Write the suites' rigid objects as a gallery; returns their names."""
@@ -82,27 +77,10 @@ class LiberoArm(MujocoArm):
         return write_gallery(folder)
 
 
-class LiberoWorlds:
-    """Implements :class:`gvla2.robot.mujoco.world.Worlds`."""
-
-    def __init__(self, config: LiberoConfig) -> None:
-        self._config = config
-        import_benchmark()
-        self._sentences = Sentences()
-
-    def tasks(self) -> Mapping[str, str]:
-        """Each task's sentence by its name ``suite/number``."""
-        return self._sentences
-
-    def load(self, task: str) -> LiberoWorld:
-        """The world of a task."""
-        return LiberoWorld(task, self._sentences[task], self._sentences.files[task], self._config)
-
-
 class LiberoWorld(EnvWorld):
     """One task, in any of its initial states."""
 
-    def __init__(self, task: str, sentence: str, file: Path, config: LiberoConfig) -> None:
+    def __init__(self, task: str, file: Path, config: LiberoConfig) -> None:
         from libero.libero.envs import TASK_MAPPING
         from libero.libero.envs.bddl_utils import get_problem_info
 
@@ -117,7 +95,7 @@ class LiberoWorld(EnvWorld):
         height = 0.0 if "floor" in env.workspace_name else float(env.workspace_offset[2])
         super().__init__(
             env,
-            instruction=sentence,
+            instruction=sentence_of(file),
             goal=f"LIBERO's own check of {task}: {_goal(env)}",
             workspace=Box(np.array([*low, height]), np.array([*high, height + HEADROOM])),
             table_height=height,

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
+from gvla2.errors import ConfigurationError
 from gvla2.robot.mujoco.options import MujocoConfig
 
 if TYPE_CHECKING:
@@ -45,9 +47,14 @@ class MjcfConfig(MujocoConfig):
 def _build(config: MjcfConfig) -> RobotBackend:
     """An arm in any MJCF file, its cameras and its actuators named by options."""
     from gvla2.robot.mujoco.backend import MujocoArm
-    from gvla2_plugins.mujoco.worlds import MjcfWorlds
+    from gvla2_plugins.mujoco.worlds import MjcfWorld
 
-    return MujocoArm(config, MjcfWorlds(config))
+    missing = [f"robot.{name}=..." for name in config.required if not getattr(config, name)]
+    if missing:
+        raise ConfigurationError(f"robot=mujoco needs {', '.join(missing)}.")
+    if not Path(config.mjcf).expanduser().is_file():
+        raise ConfigurationError(f"robot.mjcf={config.mjcf} is no file.")
+    return MujocoArm(config, {}, lambda task: MjcfWorld(config))
 
 
 @hookimpl

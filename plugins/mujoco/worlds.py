@@ -2,38 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gvla2.errors import ConfigurationError, RobotError
+from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.mujoco.description import ArmNames
-from gvla2.robot.mujoco.eyes import import_mujoco
+from gvla2.robot.mujoco.world import import_mujoco
 from gvla2_plugins.mujoco import MjcfConfig
-
-
-class MjcfWorlds:
-    """Implements :class:`gvla2.robot.mujoco.world.Worlds`: the one world of a file."""
-
-    def __init__(self, config: MjcfConfig) -> None:
-        missing = [f"robot.{name}=..." for name in config.required if not getattr(config, name)]
-        if missing:
-            raise ConfigurationError(f"robot=mujoco needs {', '.join(missing)}.")
-        if not Path(config.mjcf).expanduser().is_file():
-            raise ConfigurationError(f"robot.mjcf={config.mjcf} is no file.")
-        self._config = config
-
-    def tasks(self) -> Mapping[str, str]:
-        """None: the file knows no sentence."""
-        return {}
-
-    def load(self, task: str) -> MjcfWorld:
-        """The world."""
-        return MjcfWorld(self._config)
 
 
 class MjcfWorld:

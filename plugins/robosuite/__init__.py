@@ -22,8 +22,12 @@ class RobosuiteConfig(MujocoConfig):
     """
 
     name: str = "robosuite"
-    cameras: list[str] = field(default_factory=lambda: ["agentview", "frontview", "sideview", "birdview"])
+    cameras: list[str] = field(
+        default_factory=lambda: ["agentview", "frontview", "birdview", "robot0_robotview"]
+    )
     image_size: int = 512
+    joint_speed: float = 1.0  # its wrists' motors do not overcome the drag of faster ones
+    acceleration: float = 4.0
     arm: str = "Panda"
     gripper: str = "PandaGripper"
     settle_steps: int = 10
@@ -33,9 +37,11 @@ class RobosuiteConfig(MujocoConfig):
 def _build(config: RobosuiteConfig) -> RobotBackend:
     """An arm in robosuite's tasks, judged by their own success checks."""
     from gvla2.robot.mujoco.backend import MujocoArm
-    from gvla2_plugins.robosuite.worlds import RobosuiteWorlds
+    from gvla2.robot.mujoco.stepping import import_robosuite
+    from gvla2_plugins.robosuite.worlds import SENTENCES, RobosuiteWorld
 
-    return MujocoArm(config, RobosuiteWorlds(config))
+    import_robosuite("1.5", "robot=robosuite", "robosuite")
+    return MujocoArm(config, SENTENCES, lambda task: RobosuiteWorld(task, config))
 
 
 @hookimpl

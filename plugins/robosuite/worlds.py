@@ -21,10 +21,10 @@ SENTENCES: Mapping[str, str] = MappingProxyType(
         f"{SUITE}NutAssemblySquare": "put the square nut on the square peg",
         f"{SUITE}NutAssemblyRound": "put the round nut on the round peg",
         f"{SUITE}Door": "open the door",
-        f"{SUITE}PickPlaceMilk": "put the milk in the bin",
-        f"{SUITE}PickPlaceBread": "put the bread in the bin",
-        f"{SUITE}PickPlaceCereal": "put the cereal in the bin",
-        f"{SUITE}PickPlaceCan": "put the can in the bin",
+        f"{SUITE}PickPlaceMilk": "put the milk in the near right compartment of the left bin",
+        f"{SUITE}PickPlaceBread": "put the bread in the far right compartment of the left bin",
+        f"{SUITE}PickPlaceCereal": "put the cereal in the near left compartment of the left bin",
+        f"{SUITE}PickPlaceCan": "put the can in the far left compartment of the left bin",
     }
 )
 """Ours: robosuite has none."""
@@ -32,56 +32,36 @@ SENTENCES: Mapping[str, str] = MappingProxyType(
 TABLE = 0.8
 """Height of the table of all tasks, metres."""
 
-LOW, HIGH = (-0.38, -0.40, TABLE), (0.38, 0.45, TABLE + 0.8)
+LOW, HIGH = (-0.38, -0.50, TABLE), (0.38, 0.55, TABLE + 0.8)
 """Where the tool may go, metres."""
-
-
-class RobosuiteWorlds:
-    """Implements :class:`gvla2.robot.mujoco.world.Worlds`."""
-
-    def __init__(self, config: RobosuiteConfig) -> None:
-        self._config = config
-        self._robosuite = import_robosuite("1.5", "robot=robosuite", "robosuite")
-        if config.arm not in self._robosuite.ALL_ROBOTS:
-            raise ConfigurationError(
-                f"robot.arm={config.arm} is no robot of robosuite: {', '.join(self._robosuite.ALL_ROBOTS)}."
-            )
-
-    def tasks(self) -> Mapping[str, str]:
-        """Our sentences by the tasks' names."""
-        return SENTENCES
-
-    def load(self, task: str) -> RobosuiteWorld:
-        """The world of a task."""
-        config = self._config
-        control = {"type": "BASIC", "body_parts": {"right": _arm_controller(config.stiffness)}}
-        name = task.removeprefix(SUITE)
-        # The sizes of objects are drawn once, here: from numpy's global state until 1.5.1, then from a seed.
-        own = "seed" in inspect.signature(self._robosuite.environments.REGISTERED_ENVS[name]).parameters
-        with silent():
-            np.random.seed(0)
-            env = self._robosuite.make(
-                name,
-                robots=config.arm,
-                gripper_types=config.gripper,
-                **EnvWorld.options(control),
-                **({"seed": 0} if own else {}),
-            )
-        return RobosuiteWorld(env, task, config)
-
-
-def _arm_controller(stiffness: float) -> dict[str, object]:
-    return {**joint_controller(stiffness), "input_type": "absolute", "gripper": {"type": "GRIP"}}
 
 
 class RobosuiteWorld(EnvWorld):
     """One task, laid out by a seed."""
 
-    def __init__(self, env: object, task: str, config: RobosuiteConfig) -> None:
+    def __init__(self, task: str, config: RobosuiteConfig) -> None:
+        robosuite = import_robosuite("1.5", "robot=robosuite", "robosuite")
+        if config.arm not in robosuite.ALL_ROBOTS:
+            raise ConfigurationError(
+                f"robot.arm={config.arm} is no robot of robosuite: {', '.join(robosuite.ALL_ROBOTS)}."
+            )
+        arm = {**joint_controller(config.stiffness), "input_type": "absolute", "gripper": {"type": "GRIP"}}
+        name = task.removeprefix(SUITE)
+        # The sizes of objects are drawn once, here: from numpy's global state until 1.5.1, then from a seed.
+        own = "seed" in inspect.signature(robosuite.environments.REGISTERED_ENVS[name]).parameters
+        with silent():
+            np.random.seed(0)
+            env = robosuite.make(
+                name,
+                robots=config.arm,
+                gripper_types=config.gripper,
+                **self.options({"type": "BASIC", "body_parts": {"right": arm}}),
+                **({"seed": 0} if own else {}),
+            )
         super().__init__(
             env,
             instruction=SENTENCES[task],
-            goal=f"robosuite's own check of {task.removeprefix(SUITE)}",
+            goal=f"robosuite's own check of {name}",
             workspace=Box(np.array(LOW), np.array(HIGH)),
             table_height=TABLE,
             stiffness=config.stiffness,

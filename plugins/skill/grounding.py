@@ -11,13 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from difflib import SequenceMatcher
 
 from gvla2.planning.colours import COLOURS, FAMILIES, NEARLY, between, first_colour, may_look, meant_by
 from gvla2.planning.contracts import RefusedError
 from gvla2.planning.part_hierarchy import is_ajar, root_of
 from gvla2.planning.relations import Extreme, between_two, extreme, holds_any, on_something_unseen, related
-from gvla2.planning.scene import PRINTED, Scene, SceneObject
+from gvla2.planning.scene import PRINTED, READ_ALIKE, ROUND, Scene, SceneObject, Shape, likeness_of_words
 from gvla2_plugins.skill.reading import ITS, SIDES_OF, Noun, Place, Where
 
 _LOOKS = {
@@ -25,7 +24,7 @@ _LOOKS = {
     "cylinder can tin": "can tin cylinder",
     "square patch circle target": "target patch spot area zone marker mark pad goal",
     "square patch": "square mat", "circle": "disc dot", "cup": "mug", "post pillar": "peg pillar post pole column",
-    "ring": "hoop frame", "bin tray box container basket": "bin basket container crate tray",
+    "ring": "hoop frame nut washer", "bin tray box container basket": "bin basket container crate tray",
     "stand block": "holder rack pot", "tower": "stack pile", "lid cap": "cap top cover stopper cork lid flap",
     "plate board": "board", "base lamp": "lamp light", "bottle": "flask", "cabinet": "cupboard",
     "button": "switch", "umbrella": "parasol brolly", "handle": "grip", "knob": "dial",
@@ -39,8 +38,8 @@ SYNONYMS = {
 """Pairs of nouns for the same kind, also of an object whose name perception gave."""
 PACKAGES = frozenset("box carton packet package pack bag can tin jar bottle tube".split())
 """Nouns for the package of what is named before them or with "of": "cookie box", "bottle of wine"."""
-READ_ALIKE = 0.8
-"""Least agreement with a word that was read on an object: "ketchlp" for ketchup (.86), not "soap" for soup (.75)."""
+VESSELS = frozenset("bin basket container crate tray".split())
+"""Nouns for what is open at the top, where anything seen is."""
 NUMBERS = {"two": 2, "three": 3, "four": 4}
 STATES = {"open": True, "opened": True, "closed": False, "shut": False}
 """Adjectives for drawers and doors that are ajar or not."""
@@ -56,6 +55,13 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "umbrella stand": ("stand", ()),
 }  # fmt: skip
 """Nouns whose kind shape does not show, what such objects look like, and their colours (any if none is given)."""
+FORMS: dict[str, tuple[Shape, ...]] = {
+    **dict.fromkeys(["round", "circular", "cylindrical"], (*ROUND, "ring")),
+    **dict.fromkeys(["square", "rectangular"], ("box", "plate", "ring")),
+}
+"""Adjectives for the outline of what they are true of; that of a ring is not perceived."""
+POST, SLENDER = 0.06, 2.5
+"""What is slimmer than this, metres, and higher by this factor is a post, whatever else it may be."""
 ANYTHING = frozenset(("object", "thing", "item", "piece", "one"))
 MATERIALS = frozenset("wooden wood plastic metal metallic steel glass ceramic cardboard rubber".split())
 LOOSE = frozenset("protruding loose upright standing whole painted coloured colored other".split())
@@ -207,12 +213,18 @@ def _heads(words: Sequence[str], obj: SceneObject, level: int) -> int:
         content = kind in PACKAGES and _same(_label(obj)[-2:][0], words[-1])
         return int(level == 1 and (frozenset((kind, head)) in SYNONYMS or compound or content))
     if level == 1:
-        return int(kind in SHAPES.get(words[-1], ()) or kind in SHAPES.get(head, ()))
+        kinds = {kind, *(["post"] if _is_post(obj) else [])}
+        return int(not kinds.isdisjoint(SHAPES.get(words[-1], SHAPES.get(head, frozenset()))))
     for width in (2, 1):
         seen, colours = KINDS.get(" ".join(words[-width:]), ("", ()))
         if kind == seen and (not colours or obj.colour in colours):
             return width
     return 0
+
+
+def _is_post(obj: SceneObject) -> bool:
+    width, depth, height = obj.extents
+    return bool(max(width, depth) < POST and height > SLENDER * max(width, depth))
 
 
 def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject]:
@@ -239,6 +251,8 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
     for level in range(3):
         fits = [(o, words[: len(words) - n]) for o in pool if (n := _heads(words, o, level))]
         true = [(o, rest) for o, mods in fits if (rest := _true(mods, o, pool)) is not None]
+        if _singular(words[-1]) in VESSELS:
+            true = [(o, rest) for o, rest in true if o.opening] or true
         if true or (fits and not kinds):
             return _coloured(true, frozenset(words), pool)
     return []
@@ -247,23 +261,24 @@ def _named(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObjec
 def _read(words: Sequence[str], pool: Sequence[SceneObject]) -> list[SceneObject]:
     """The objects on which a phrase's noun was read, and each adjective that is not true of them otherwise.
 
-    Of several, those whose words agree best with the phrase.
+    Of several, those whose words agree best with the phrase, and of these those whose largest print is in it.
     """
     words = words[:-1] if len(words) > 1 and _singular(words[-1]) in PACKAGES else words  # "milk carton"
     alike: list[tuple[float, SceneObject, tuple[str, ...]]] = []
     for obj in pool:
         printed = _label(obj)[:-1] if obj.named_by == PRINTED else []
-        likeness = {word: max((_likeness(word, own) for own in printed), default=0.0) for word in words}
+        likeness = {
+            word: max((likeness_of_words(word, own) for own in printed), default=0.0) for word in words
+        }
         rest = _true([word for word in words if likeness[word] < READ_ALIKE], obj, pool)
         if likeness[words[-1]] >= READ_ALIKE and rest is not None:
             alike.append((sum(likeness.values()), obj, rest))
     most = max((score for score, _, _ in alike), default=0.0)
-    return _coloured([(o, rest) for score, o, rest in alike if score == most], frozenset(words), pool)
-
-
-def _likeness(word: str, read: str) -> float:
-    """How far a word agrees with one that was read, letters lost or misread, in [0, 1]."""
-    return SequenceMatcher(None, word, read, autojunk=False).ratio()
+    fits = [(o, rest) for score, o, rest in alike if score == most]
+    largest = [
+        (o, rest) for o, rest in fits if any(likeness_of_words(w, _label(o)[0]) >= READ_ALIKE for w in words)
+    ]
+    return _coloured(largest or fits, frozenset(words), pool)
 
 
 def _true(mods: Sequence[str], obj: SceneObject, pool: Sequence[SceneObject]) -> tuple[str, ...] | None:
@@ -272,7 +287,7 @@ def _true(mods: Sequence[str], obj: SceneObject, pool: Sequence[SceneObject]) ->
     whole = [w for o in pool if o.id == obj.parent for w in _label(o) if w not in COLOURS]
     idle = {*LOOSE, *NUMBERS, *EXTREMES, *(() if MATERIALS & set(label) else MATERIALS)}
     rest = [w for w in mods if w not in idle and not any(_same(w, own) for own in (*label, *whole))]
-    rest = [w for w in rest if STATES.get(w, "") != is_ajar(obj)]
+    rest = [w for w in rest if STATES.get(w, "") != is_ajar(obj) and obj.shape not in FORMS.get(w, ())]
     if not rest:
         return ()
     found = first_colour(rest)
@@ -399,14 +414,16 @@ def _placed(place: Place, fits: list[SceneObject], scene: Scene, context: Contex
 
 
 def section(noun: Noun, scene: Scene, context: Context) -> tuple[SceneObject, tuple[float, float]] | None:
-    """What a phrase like "the back compartment of the caddy" is a side of, and the middle (x, y) of that half of it;
-    None if it is another phrase, or one for a part that the scene has.
+    """What a phrase like "the back left compartment of the caddy" is a side or corner of, and the middle (x, y) of that
+    half or quarter of it; None if it is another phrase, or one for a part that the scene has.
     """
-    if noun.owner is None or len(noun.words) != 2 or noun.words[1] not in SECTIONS:
+    *places, head = noun.words or ("",)
+    sides = [SIDES_OF.get({"far": "back", "near": "front"}.get(word, word), "") for word in places]
+    if noun.owner is None or head not in SECTIONS or not all(sides) or len({*sides}) not in (1, 2):
         return None
-    side, owner = SIDES_OF.get(noun.words[0]), ground(noun.owner, scene, context)
-    if side is None or len(owner) != 1 or _owned(noun, scene.objects, scene, context):
+    owner = ground(noun.owner, scene, context)
+    if len(owner) != 1 or _owned(noun, scene.objects, scene, context):
         return None
-    way = scene.side(side)
-    x, y = (owner[0].centre + 0.5 * owner[0].half_along(way) * way)[:2]
+    ways = [scene.side(side) for side in sides]
+    x, y = (owner[0].centre + sum(0.5 * owner[0].half_along(way) * way for way in ways))[:2]
     return owner[0], (float(x), float(y))

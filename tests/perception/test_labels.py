@@ -1,6 +1,7 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gvla2.errors import ConfigurationError
@@ -96,3 +97,21 @@ def test_options_say_what_they_need():
         labellers(NamingOptions(gallery="/nowhere"))
     with pytest.raises(ConfigurationError, match=r"perceiver\.localize"):
         vision_model(VisionOptions(), "perceiver.localize")
+
+
+def test_pieces_of_a_package_that_bear_the_same_words_are_one_object():
+    scene = inputs.scene()
+    red, blue = scene.objects
+    gable = replace(
+        blue, world_from_object=red.world_from_object.copy(), points=red.points + np.array([0.0, 0.0, 0.03])
+    )
+    gable.world_from_object[2, 3] += 0.03
+    milk = {"red_cube": Naming("fresh milk box", 0.9), "blue_cube": Naming("milk disc", 0.95)}
+    (whole,) = labelled(
+        replace(scene, objects=(red, gable)), inputs.observation(48), [Saying("text", **milk)]
+    ).objects
+    assert whole.label == "fresh milk box"
+    assert whole.sureness == 0.95
+    assert whole.top == pytest.approx(red.top + 0.03, abs=0.005)
+    apart = labelled(scene, inputs.observation(48), [Saying("text", **milk)])
+    assert [o.label for o in apart.objects] == ["fresh milk box", "milk disc"]

@@ -267,6 +267,28 @@ def test_a_ring_goes_over_a_post_in_line_with_it():
     assert abs((turn + np.pi / 4) % (np.pi / 2) - np.pi / 4) < 1e-6
 
 
+def test_a_nut_goes_over_the_peg_of_the_form_that_is_said():
+    pegs = (
+        named("s", "orange box", "box", (0.35, 0.2, 0.065), (0.032, 0.032, 0.13)),
+        named("r", "silver bottle", "cylinder", (0.35, -0.2, 0.065), (0.04, 0.04, 0.13)),
+    )
+    ring = named("n", "orange ring", "ring", (0.25, 0.0, 0.01), (0.078, 0.07, 0.02), opening=0.046)
+    made = plan("put the square nut on the square peg", ring, *pegs)
+    assert (made.skill, made.roles["goal"]) == ("insert", "s")
+    assert plan("put the nut on the round peg", ring, *pegs).roles["goal"] == "r"
+
+
+def test_a_corner_of_a_bin_is_a_place_in_it():
+    bins = [
+        named(name, f"gray {name}", "box", (0.35, y, 0.04), (0.3, 0.3, 0.08), opening=0.28)
+        for name, y in (("tray", 0.25), ("bin", -0.25))
+    ]
+    cubes = block("c", "red", (0.2, 0.0))
+    made = plan("put the red cube in the far left compartment of the left tray", *bins, cubes)
+    np.testing.assert_allclose(at(made, "place")[:2], [0.425, 0.325], atol=0.06)
+    assert made.roles["goal"] == "tray"
+
+
 def box(angle: float, scale: float = 1.0, xy=(0.12, -0.1)):
     """A box with its hinge at +x, open by ``angle``."""
     size, reach = np.array([0.25, 0.35, 0.15]) * scale, 0.268 * scale

@@ -272,6 +272,7 @@ def test_a_name_that_perception_gave_is_the_name(sentence, named, meant_):
         ("pick up the salad dressing", [("ranch dressing bottle", "white")], None),
         ("pick up the soup", [("soap cylinder", "red")], None),
         ("pick up the milk", [("milk box", "red"), ("milk box", "white")], None),
+        ("pick up the milk", [("pudding chocolate milk box", "brown"), ("milk dairy box", "red")], 1),
     ],
 )
 def test_words_read_on_an_object_name_it_where_the_noun_and_its_adjectives_are_there(

@@ -1,4 +1,6 @@
-"""How far a lid is open, from its plate and its box; and whether a lamp shines, by how it looked before."""
+"""How far a lid is open, from its plate and its box; doors and their handles; whether a lamp shines."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,8 +9,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import Box, PartJoint, Scene, SceneObject
 from gvla2.skills.mechanisms import opening_angle, shines
+from tests.skills.scenes import TABLE, asked, at, make_object
 
 
 def lid(angle: float, yaw: float = 0.0, scale: float = 1.0) -> tuple[SceneObject, SceneObject]:
@@ -63,3 +66,53 @@ def test_without_a_lamp_it_is_unknown():
     lone = part("bell", "red button", 0.0, 0.4, "")
     assert shines(lone, Scene((lone,), 0.75, dark.workspace), lit) is None
     assert shines(dark["button"], dark, Scene((), 0.75, dark.workspace)) is None, "it was not seen again"
+
+
+def door(lever: bool) -> tuple[SceneObject, SceneObject]:
+    """A door across the robot's way, hinged at its right; its handle is a lever, or a bar that is held at both ends."""
+    panel = make_object("door", "box", (0.5, 0.0, 0.3), (0.03, 0.4, 0.6), label="gray door")
+    rng = np.random.default_rng(0)
+    middle = np.array([0.42, 0.09, TABLE + 0.3])
+    bar = middle + rng.uniform(-0.5, 0.5, (400, 3)) * [0.02, 0.14, 0.02]
+    ends = [0.065] if lever else [0.065, -0.065]
+    feet = [middle + [0.035, y, 0.0] + rng.uniform(-0.5, 0.5, (60, 3)) * [0.06, 0.015, 0.02] for y in ends]
+    points = np.concatenate([bar, *feet])
+    size = (0.08, 0.14, 0.02)
+    handle = make_object("grip", "box", (0.45, 0.09, 0.3), size, parent="door", points=points, label="handle")
+    return panel, handle
+
+
+@pytest.mark.parametrize("lever", [True, False])
+def test_a_door_turns_about_its_edge_far_from_the_handle_after_a_lever_went_down(lever):
+    made, _ = asked("open the door", *door(lever))
+    ways = {
+        stage: np.array([w.xyz for w in made.trajectory if w.stage == stage]) for stage in ("turn", "swing")
+    }
+    assert (len(ways["turn"]) > 0) == lever
+    start = ways["turn"][-1] if lever else at(made, "close")
+    hinge = np.array([0.5, -0.2])
+    for xyz in ways["swing"]:  # towards the robot, on a circle
+        np.testing.assert_allclose(
+            np.linalg.norm(xyz[:2] - hinge), np.linalg.norm(start[:2] - hinge), atol=1e-6
+        )
+        assert xyz[0] < start[0]
+    assert not lever or start[2] < at(made, "close")[2] - 0.05
+
+
+def test_a_known_door_is_pushed_shut_from_outside_at_its_free_edge():
+    joint = PartJoint(False, np.array([0.0, 0.0, 1.0]), np.array([0.5, -0.2, TABLE + 0.2]), 1.0, 1.6)
+    case = make_object("case", "box", (0.6, 0.0, 0.15), (0.2, 0.4, 0.3), label="microwave")
+    along = Rotation.from_euler("z", 1.0).apply([0.0, 1.0, 0.0])
+    rng = np.random.default_rng(0)
+    points = (
+        joint.origin + rng.uniform(0, 0.36, (300, 1)) * along + rng.uniform(-0.1, 0.1, (300, 1)) * [0, 0, 1]
+    )
+    middle = joint.origin + 0.18 * along - [0, 0, TABLE]
+    panel = make_object(
+        "panel", "box", middle, (0.02, 0.36, 0.2), yaw=1.0, parent="case", points=points, label="door"
+    )
+    made, _ = asked("close the microwave", case, replace(panel, joint=joint))
+    pushed = [np.array(w.xyz) for w in made.trajectory if w.stage == "push"]
+    assert made.skill == "close"
+    assert pushed[-1][1] > pushed[0][1]  # back in front of the case, whose face is at x = 0.5
+    assert abs(pushed[-1][0] - 0.5) < 0.1

@@ -16,10 +16,9 @@ from gvla2.robot.arm_from_urdf import ArmModel, UrdfArm, arm_from_urdf
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.executor import ExecutorOptions, execute
 from gvla2.robot.mujoco.description import world_from_base, write_urdf
-from gvla2.robot.mujoco.eyes import ModelEyes
 from gvla2.robot.mujoco.options import MujocoConfig
 from gvla2.robot.mujoco.truth import true_scene
-from gvla2.robot.mujoco.world import World, WorldDriver, Worlds
+from gvla2.robot.mujoco.world import ModelEyes, World, WorldDriver
 from gvla2.robot.options import ArmConfig
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Task, TaskInstance, WorldState
@@ -36,14 +35,15 @@ _SILENT = ExecutionListener()
 
 
 class MujocoArm:
-    """Implements :class:`gvla2.robot.backend.RobotBackend`, and offers the tasks of its worlds.
+    """Implements :class:`gvla2.robot.backend.RobotBackend`, and offers tasks: each one's sentence by its name, none for
+    a world without tasks. ``load`` makes the world of a task, of "" where there are none.
 
     The model of a task is loaded once: its next seed only sets the state. The same task, seed and calls give the same
     episode. The true state is read by the world's success check and :meth:`true_scene` only.
     """
 
-    def __init__(self, config: MujocoConfig, worlds: Worlds) -> None:
-        self._config, self._worlds = config, worlds
+    def __init__(self, config: MujocoConfig, tasks: Mapping[str, str], load: Callable[[str], World]) -> None:
+        self._config, self._tasks, self._world_of = config, tasks, load
         self._task: str | None = None
         self._world: World | None = None
         self._made: UrdfArm | None = None
@@ -52,7 +52,7 @@ class MujocoArm:
 
     def tasks(self) -> Mapping[str, str]:
         """Each task's sentence by its name."""
-        return self._worlds.tasks()
+        return self._tasks
 
     @property
     def arm(self) -> ArmModel:
@@ -89,7 +89,7 @@ class MujocoArm:
                 f"robot={self._config.name} has no task '{task or 'none'}'.{did_you_mean(task or '', there)} "
                 f"`gvla2 tasks robot={self._config.name}` lists those that it has."
             )
-        world = self._worlds.load(task or "")
+        world = self._world_of(task or "")
         world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
         base = world_from_base(world.model, world.data, world.names)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]

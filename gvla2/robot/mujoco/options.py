@@ -32,15 +32,10 @@ class MujocoConfig(ComponentConfig):
     viewpoint: str = "robot"
 
     def __post_init__(self) -> None:
-        positive = [
-            "image_size",
-            "video_size",
-            "video_fps",
-            "joint_speed",
-            "acceleration",
-            "pace",
-            "stiffness",
-        ]
-        check_ranges(self, "robot", dict.fromkeys(positive, (0.001, 1000000.0, "")))
+        sizes, rates = (
+            ("image_size", "video_size", "video_fps"),
+            ("joint_speed", "acceleration", "pace", "stiffness"),
+        )
+        check_ranges(self, "robot", dict.fromkeys(sizes + rates, (0.001, 1000000.0, "")))
         if self.viewpoint not in ("robot", "facing"):
             raise ConfigurationError(f"robot.viewpoint={self.viewpoint} must be robot or facing.")

@@ -15,7 +15,7 @@ from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.mujoco.description import ArmNames
-from gvla2.robot.mujoco.eyes import import_mujoco
+from gvla2.robot.mujoco.world import import_mujoco
 
 RATE = 20.0
 """Control steps a second of the published evaluations."""
@@ -143,23 +143,13 @@ class EnvWorld:
         np.random.seed(seed % 2**32)
         with silent():
             self.env.reset()
+        self._hand.current_action = np.zeros_like(
+            self._hand.current_action
+        )  # the environment leaves it as it was
         self.data = self.env.sim.data._data
 
 
-def joint_controller(stiffness: float, kind: str = "JOINT_POSITION") -> dict[str, Any]:
+def joint_controller(stiffness: float) -> dict[str, Any]:
     """Robosuite's controller of joint positions, radians in and out."""
-    return {
-        "type": kind,
-        "input_max": 10,
-        "input_min": -10,
-        "output_max": 10,
-        "output_min": -10,
-        "kp": stiffness,
-        "damping_ratio": 1,
-        "impedance_mode": "fixed",
-        "kp_limits": [0, 1e4],
-        "damping_ratio_limits": [0, 10],
-        "qpos_limits": None,
-        "interpolation": None,
-        "ramp_ratio": 0.2,
-    }
+    span = {"input_max": 10, "input_min": -10, "output_max": 10, "output_min": -10}
+    return {"type": "JOINT_POSITION", **span, "kp": stiffness, "interpolation": None}

@@ -16,8 +16,9 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Trajectory
-from gvla2.skills.mechanisms import CLOSED, UP, Hinge, hinge_for, slide_for
+from gvla2.skills.mechanisms import CLOSED, UP, Hinge, door_for, hinge_for, slide_for
 from gvla2.skills.proposals import Grasp, Path, pointing
+from gvla2.skills.schemas.door import propose_swing_open, propose_swing_shut
 from gvla2.skills.schemas.pick_place import let_go, take
 from gvla2.skills.schemas.pull import propose_shut
 
@@ -37,6 +38,8 @@ SHIFTS = (0.0, 0.25, -0.25, 0.4, -0.4)
 
 def propose_open(job: Job) -> list[Proposal] | Abstention:
     """Grasp the lip, fingers above and below, swing it about the hinge, let go."""
+    if (door := door_for(job.theme, job.scene)) is not None:
+        return propose_swing_open(job, door)
     hinge = hinge_for(job.theme, job.scene)
     if hinge is None:
         return Abstention("unknown_skill", f"No lid is seen on the {job.theme.label}: it cannot be opened.")
@@ -110,6 +113,8 @@ def _open(
 
 def propose_close(job: Job) -> list[Proposal] | Abstention:
     """Move the lid with closed fingers behind its free edge until it falls by itself."""
+    if (door := door_for(job.theme, job.scene)) is not None:
+        return propose_swing_shut(job, door)
     hinge, slide = hinge_for(job.theme, job.scene), slide_for(job.theme, job.scene)
     if slide is not None and (hinge is None or slide.front.id == job.theme.id):
         return propose_shut(job, slide)

@@ -27,10 +27,12 @@ BENT = 0.15
 
 TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
 """Turns of the object on its way, radians: one may be within the wrist's limits if another is not."""
-DROP = 0.02
+DROPS = (0.02, 0.045)
 """Metres by which an object falls into a container where the hand finds no room lower down."""
 DOWNWARD = -0.8
 """The z of an approach that comes down between neighbours, at most."""
+WALL = 0.015
+"""Gap to the walls of a section of a container that are not seen, metres."""
 FLOOR = 0.01
 """Assumed thickness of a container's floor that was not seen, metres."""
 ALIKE = 1.15
@@ -42,6 +44,8 @@ OFF_MIDDLE = 0.015
 SIDE_GAP = 0.03
 """Gap between objects put beside one another, metres: room for a finger."""
 
+FILLED = 0.004
+"""Distance between the points that fill a hole, metres."""
 LEAST_ROOM = 0.001
 """A hole that fits is wider than the post by this much at least, metres."""
 BOTTOM = Guard(force=20.0)
@@ -164,7 +168,7 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
         (Way(between=True), spots),
     ]
     if job.goal is not None and job.goal.opening > 0.0:
-        ways += [(Way(between=between, drop=DROP), spots) for between in (False, True)]
+        ways += [(Way(between=between, drop=drop), spots) for drop in DROPS for between in (False, True)]
     return [
         _place(job, grasp, spot, name, turn, way, reserve=k > 0)
         for k, (way, where) in enumerate(ways)
@@ -182,7 +186,7 @@ def _aside(job: Job, spots: list[tuple[FloatArray, str]]) -> list[tuple[FloatArr
         return found
     if job.relation in ("on", "in", "to"):
         if job.target is not None:
-            return found
+            return _nearer(job, goal, spots)
         size = float(theme.extents[:1].max() if theme.shape in ROUND else np.linalg.norm(theme.extents[:2]))
         free = 0.5 * ((goal.opening or float(goal.extents[:2].min())) - size)
         shift = 0.8 * free if job.relation == "in" else max(0.8 * free, OFF_MIDDLE)
@@ -198,6 +202,18 @@ def _aside(job: Job, spots: list[tuple[FloatArray, str]]) -> list[tuple[FloatArr
         level = (spot - goal.centre) * [1.0, 1.0, 0.0]
         along = np.cross(UP, level / np.linalg.norm(level))
         found += [(spot + shift * along, f"{name}, {100 * shift:.0f} cm aside") for shift in ASIDE]
+    return found
+
+
+def _nearer(job: Job, goal: SceneObject, spots: list[tuple[FloatArray, str]]) -> list[tuple[FloatArray, str]]:
+    """A place in a section of the goal, half as wide as it, moved towards the arm as far as the theme has room."""
+    size, axes = float(job.theme.extents[:2].max()), goal.world_from_object[:3, :2].T
+    found = []
+    for spot, name in spots:
+        back = np.array([*(job.foot() - spot[:2]), 0.0])
+        rooms = [max(0.0, 0.25 * side - 0.5 * size - WALL) for side in goal.extents[:2]]
+        steps = [float(np.sign(back @ axis)) * room * axis for axis, room in zip(axes, rooms, strict=True)]
+        found += [(spot + share * sum(steps), f"{name}, nearer to the arm") for share in (0.5, 1.0)]
     return found
 
 
@@ -256,9 +272,11 @@ def support_of(job: Job, grasp: Grasp, spot: FloatArray) -> float:
     if goal is None or spot[2] < goal.top - 1e-6 or theme.extents[:2].max() > goal.opening:
         return float(spot[2])
     local = transform_points(invert_rigid(goal.world_from_object), goal.points)
-    within = (
-        goal.points[(np.abs(local[:, :2]) < 0.4 * goal.opening).all(axis=1)] if len(local) else goal.points
-    )
+    near, reach = np.zeros(2), 0.4 * goal.opening
+    if job.target is not None:
+        near = transform_points(invert_rigid(goal.world_from_object), spot)[:2]
+        reach = 0.5 * float(theme.extents[:2].max())
+    within = goal.points[(np.abs(local[:, :2] - near) < reach).all(axis=1)] if len(local) else goal.points
     floor = float(np.median(within[:, 2])) if len(within) else goal.bottom + FLOOR
     hangs = grasp.centre[2] - theme.bottom
     palm = goal.top + 0.01 - (hand.finger_length - hand.tip_beyond_tcp) - hangs
@@ -279,7 +297,7 @@ def _place(
         return path.trajectory()
 
     named = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
-    preference = grasp.preference - 0.05 * (turn != 0.0)
+    preference = grasp.preference - 0.05 * (turn != 0.0) - how.drop
     if job.share[1] > 1 and job.goal is not None:  # fingers between the objects need room, too
         closing = Rotation.from_euler("z", turn).apply(grasp.closing)
         preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
@@ -351,11 +369,22 @@ def propose_insert(job: Job) -> list[Proposal] | Abstention:
     if job.goal is None or not fits_over(job.theme, job.goal):
         what = "anything" if job.goal is None else f"the {job.goal.label}"
         return Abstention("other", f"The {job.theme.label} has no hole that fits over {what}.")
-    found = grasps(job)
+    found = grasps(replace(job, theme=_filled(job.theme)))
     if isinstance(found, Abstention):
         return found
     turns = aligning_turns(job.theme, job.goal)
     return [_insert(job, grasp, job.goal, turn) for grasp in found if grasp.family == "top" for turn in turns]
+
+
+def _filled(theme: SceneObject) -> SceneObject:
+    """The theme with its hole filled, for grasps without a finger where the post is to go."""
+    steps = np.linspace(-0.5, 0.5, 2 + int(theme.opening / FILLED))
+    around = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    around = theme.opening * around[np.linalg.norm(around, axis=1) <= 0.5]
+    heights = theme.extents[2] * np.array([0.1, 0.49])
+    layers = [np.column_stack([around, np.full(len(around), height)]) for height in heights]
+    points = transform_points(theme.world_from_object, np.concatenate(layers))
+    return replace(theme, points=np.concatenate([theme.points, points]), opening=0.0)
 
 
 def aligning_turns(theme: SceneObject, post: SceneObject) -> list[float]:
