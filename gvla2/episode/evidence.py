@@ -62,8 +62,10 @@ def difference(first: SceneObject, second: SceneObject) -> float:
     """Dissimilarity of two perceived objects: 0 for the same colour, size and label; above 1 for different objects.
 
     Of objects on which no common word was read, only those that look just alike are the same. Sizes may shrink in part,
-    because a hand hides some of what it holds.
+    because a hand hides some of what it holds. Of two known objects the names decide.
     """
+    if first.known is not None and second.known is not None:
+        return 0.0 if first.label == second.label else 2.0 * MAX_DIFFERENCE
     if (first.shape == "region") != (second.shape == "region"):
         return 2.0 * MAX_DIFFERENCE
     colour = min(float(np.linalg.norm(first.rgb - second.rgb)) / 0.5, 1.5)

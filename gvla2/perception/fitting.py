@@ -42,6 +42,8 @@ NEAR = 0.008
 """Metres between the placed scan and the measured depth within which a pixel shows the scan."""
 GAP = 0.012
 """Metres that the scan's surface lies before the measured depth when the camera looked through it."""
+EDGE = 2
+"""Pixels from a picture's edge within which what it shows may go on beyond it."""
 BINS = 6
 ODDS = (13.5, 1.85, 4.6, 16.0, 2.1)
 """Log-odds of a fit: a constant, and what is taken off for each millimetre of its gap, for the shares unexplained and
@@ -77,6 +79,21 @@ class SeenPoints:
     def nearest(self) -> NearestPoints:
         """The nearest of its points."""
         return NearestPoints(self.points, TRUNCATED)
+
+    @cached_property
+    def cut(self) -> bool:
+        """Whether it reaches the edge of each picture that shows it: no camera sees all of its outline."""
+        whole = []
+        for camera, depth, _ in self.sights:
+            uv, z = camera.project(self.points)
+            columns, rows = np.floor(uv).astype(int).T
+            size = np.array([camera.width, camera.height])
+            inside = camera.inside(uv)
+            here = inside.copy()
+            here[inside] = np.abs(depth[rows[inside], columns[inside]] - z[inside]) < NEAR
+            edge = ((uv < EDGE) | (uv > size - EDGE)).any(axis=1)
+            whole.append(here.sum() >= 0.5 * len(self.points) and not (edge & here).any())
+        return not any(whole)
 
 
 Sighting = tuple[FloatArray, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], FloatArray]
@@ -125,15 +142,24 @@ def coarse_starts(
     """
     top = float(np.percentile(seen.points[:, 2], 99.0)) - seen.table
     heights = np.ptp(scan.corners @ scan.rests[:, 2].T, axis=0)
-    rests = scan.rests[np.abs(heights - top) <= taller]
+    fits = np.abs(heights - top) <= taller
+    rests = scan.rests[fits]
     if not len(rests):
         return None
+    # What is clearly taller than a scan that stands on the table, or lower, stands a little above it, or is sunk.
+    rise = np.where(np.abs(top - heights) > NEAR, top - heights, 0.0)[fits].repeat(len(TURNS))
     turns = (TURNS @ rests[:, None]).reshape(-1, 3, 3)  # (P, 3, 3)
     lain = turns @ scan.corners.T  # (P, 3, H)
     low, high = lain.min(axis=2), lain.max(axis=2)
-    # The scan's own outline is laid where the seen outline is.
-    middle = 0.5 * (seen.points[:, :2].min(axis=0) + seen.points[:, :2].max(axis=0))
-    shifts = np.column_stack([middle - 0.5 * (low + high)[:, :2], seen.table - low[:, 2]])
+    # The scan's own outline is laid where the seen outline is; of one that pictures cut off, along each of its sides.
+    seen_low, seen_high = seen.points[:, :2].min(axis=0), seen.points[:, :2].max(axis=0)
+    shares = np.array([0.5]) if not seen.cut else np.array([0.0, 0.5, 1.0])
+    share = np.stack(np.meshgrid(shares, shares), axis=-1).reshape(-1, 1, 2)
+    level = share * (seen_low - low[:, :2]) + (1.0 - share) * (seen_high - high[:, :2])  # (S, P, 2)
+    shifts = np.concatenate(
+        [level, np.broadcast_to((seen.table + rise - low[:, 2])[:, None], (*level.shape[:2], 1))], axis=-1
+    )
+    shifts, turns = shifts.reshape(-1, 3), np.tile(turns, (len(share), 1, 1))
     spread = seen.points[:: max(1, len(seen.points) // COARSE)]
     forth = _truncated(scan.nearest, (spread - shifts[:, None]) @ turns).mean(axis=1)
     # The best ones are checked in reverse: does the scan's upper side lie where something is seen?

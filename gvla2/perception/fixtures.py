@@ -62,6 +62,8 @@ LOOKED_THROUGH = 2.0
 """How much worse it is that a surface is not there than that a seen point is left unexplained."""
 STEPS = 9
 """Positions of a joint that are tried, and again between the neighbours of the best."""
+OPENED = 400
+"""Number of a part's points that tell how far it is open."""
 OPEN_BY = 0.05
 """A part is open only where that explains more of its surface, by this share of what is seen of it."""
 
@@ -187,7 +189,8 @@ def opened(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> KnownScan:
     A part is closed unless it is clearly seen elsewhere: what is hidden stays as it is in the file.
     """
     for number, link in enumerate(scan.links):
-        own = scan.owners == number
+        own = np.flatnonzero(scan.owners == number)
+        own = own[:: max(1, len(own) // OPENED)]
         points, normals = transform_points(pose, scan.points[own]), scan.normals[own] @ pose[:3, :3].T
         joint, step = in_world(link.joint, pose), link.joint.reach / (STEPS - 1)
 
@@ -237,19 +240,22 @@ def find_large(scan: KnownScan, grid: SeenGrid, sights: Sights, table: float) ->
     where its surface hardly meets any of it.
     """
     points, skin = grid.points, scan.skin
-    starts = [
-        each
-        for pose in likely_places(skin, grid, table)
-        for each in _starts(skin, points, sights, table, pose)
-    ]
-    starts.sort(key=lambda each: each[0])
-    places = [_laid(skin, points, sights, table, pose) for _, pose in starts[:LAID]]
-    likely = [each for each in places if each is not None and each[1].odds > HOPELESS]
-    found = sorted(likely, key=lambda each: -each[0])[:THOROUGH]
+    starts = [_starts(skin, points, sights, table, pose) for pose in likely_places(skin, grid, table)]
+    likely = sorted((each for place in starts for each in place), key=lambda each: each[0])
+    # What stands open fits badly until it is opened: of a scan with joints the best of each place is followed.
+    rivals = starts if skin.links else [[each] for each in likely[:LAID]]
+    laid = [[_laid(skin, points, sights, table, pose) for _, pose in place] for place in rivals]
+    places = [max(filter(None, place), key=lambda each: each[0], default=None) for place in laid]
+    found = [each for each in places if each is not None and each[1].odds > HOPELESS]
+    found = sorted(found, key=lambda each: -each[0])[: PLACES if skin.links else THOROUGH]
     for number in range(len(found)):
         for _ in range(ROUNDS):
             fit = found[number][1]
-            again = _laid(fit.scan, points, sights, table, fit.world_from_scan, joints=True)
+            poses = [fit.world_from_scan]
+            if any(link.joint.position for link in fit.scan.links):  # it was placed as if it were closed
+                poses += [pose for _, pose in _starts(fit.scan, points, sights, table, fit.world_from_scan)]
+            laid_again = [_laid(fit.scan, points, sights, table, pose, joints=True) for pose in poses]
+            again = max(filter(None, laid_again), key=lambda each: each[0], default=None)
             if again is None or again[0] <= found[number][0]:
                 break
             found[number] = again

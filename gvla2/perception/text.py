@@ -30,6 +30,8 @@ SURE = 0.8
 SHORTEST = 3
 """Letters of a word that names something."""
 MOST_WORDS = 8
+IN_A_LINE = 2
+"""A line of more words than this says something about the object ("just add milk"): it is not its name."""
 MARGIN = 0.1
 """Margin of a crop as a share of its longer side: letters at its edge are not found."""
 NAME = 0.5
@@ -110,13 +112,14 @@ def words_in(text: str) -> list[str]:
 
 
 def _naming(obj: SceneObject, lines: Sequence[_Line]) -> Naming:
-    """The words in the largest print, with the noun of the object's shape."""
+    """The words of short lines in the largest print, with the noun of the object's shape."""
     heights: dict[str, float] = {}
     for line in lines:
-        for word in words_in(line.text):
+        words = words_in(line.text)
+        for word in words if len(words) <= IN_A_LINE else ():
             heights[word] = max(line.height, heights.get(word, 0.0))
     if not heights:
-        return Naming("", 0.0, why="No text is read on it.")
+        return Naming("", 0.0, why="No name is read on it.")
     large = [word for word, height in heights.items() if height >= NAME * max(heights.values())]
     words = sorted(large, key=lambda word: -heights[word])[:MOST_WORDS]
     return Naming(" ".join([*words, obj.label.split()[-1]]), max(line.score for line in lines))

@@ -157,8 +157,13 @@ class SceneObject:
         return np.asarray(np.linalg.norm(np.maximum(local - 0.5 * self.extents, 0.0), axis=-1))
 
     def half_along(self, way: FloatArray) -> float:
-        """Distance that the oriented box reaches from its centre along a unit vector (3,), metres."""
-        return float(np.abs(way @ self.world_from_object[:3, :3]) @ (0.5 * self.extents))
+        """Distance from its centre that the oriented box, or an upright round object, reaches along a unit vector (3,),
+        metres.
+        """
+        reach = np.abs(way @ self.world_from_object[:3, :3]) * (0.5 * self.extents)
+        if self.shape in ROUND and abs(self.world_from_object[2, 2]) > 0.5:
+            return float(np.hypot(reach[0], reach[1]) + reach[2])
+        return float(reach.sum())
 
     def covers(self, point: FloatArray) -> bool:
         """Whether a point (3,), by its x and y, is within the oriented box's footprint."""

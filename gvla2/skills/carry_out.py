@@ -323,8 +323,8 @@ PlanOne = Callable[[SkillCall, PlanRequest, tuple[int, int]], Plan]
 def all_in_one(calls: Sequence[SkillCall], request: PlanRequest, plan_one: PlanOne) -> Plan:
     """One plan for several calls; a refusal by ``plan_one`` refuses all.
 
-    Calls that do not fit in the longest trajectory, or that are feasible only from the arm's first pose, are left out:
-    the plan's ``calls`` are those in it.
+    Calls that do not fit in the longest trajectory, or that are feasible only from the arm's first pose or before the
+    others, are left out, to be planned after another look: the plan's ``calls`` are those in it.
     """
     waypoints: list[Waypoint] = []
     now, last, done = request, Plan(None), 0
@@ -335,7 +335,7 @@ def all_in_one(calls: Sequence[SkillCall], request: PlanRequest, plan_one: PlanO
         plan = plan_one(call, now, share)
         if plan.trajectory is None:
             rested = replace(now, start=request.start, joints=request.joints)
-            if done and plan_one(call, rested, share).trajectory is not None:
+            if done and any(plan_one(call, *one).trajectory for one in ((rested, share), (request, (0, 1)))):
                 break
             return replace(plan, calls=tuple(calls))
         more = brief(plan.trajectory)

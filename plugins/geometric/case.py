@@ -109,9 +109,9 @@ class Case:
         return goal if grown > GROWN and outside_footprint(goal.centre, later) == 0.0 else later
 
     def still_there(self, old: SceneObject) -> bool:
-        """Whether anything solid stands at an object's old place."""
+        """Whether anything solid takes an object's old place; what it stood on does not reach up to its middle."""
         near = (o for o in self.after.obstacles() if level_gap(o.centre, old.centre) < self.config.same_place)
-        return any(o.bottom < old.top for o in near)
+        return any(o.bottom < old.top and o.top > old.centre[2] for o in near)
 
 
 def level_gap(a: FloatArray, b: FloatArray) -> float:

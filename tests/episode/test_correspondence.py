@@ -4,7 +4,7 @@ import numpy as np
 
 from gvla2.episode.evidence import correspond
 from gvla2.geometry.transform import rigid
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import Box, KnownShape, Scene, SceneObject
 
 SPACE = Box(np.array([-1, -1, 0.0]), np.array([1, 1, 2.0]))
 
@@ -34,6 +34,20 @@ def test_a_moved_thing_is_found_by_its_looks_even_where_another_one_stood() -> N
     before = Scene((cube("r", 0.0, red, "red"), cube("b", 0.3, blue, "blue")), 0.0, SPACE)
     after = Scene((cube("p", 0.0, blue, "blue"), cube("q", 0.3, red, "red")), 0.0, SPACE)
     assert {k: v.id for k, v in correspond(before, after).items()} == {"r": "q", "b": "p"}
+
+
+def test_of_known_objects_the_names_decide_not_their_looks() -> None:
+    def bowl(id_: str, label: str, x: float, rgb: float) -> SceneObject:
+        known = KnownShape(label, f"{label}.glb", rigid(translation=(x, 0, 0.03)))
+        return SceneObject(id_, label, "cylinder", "gray", rigid(translation=(x, 0, 0.03)), np.full(3, 0.06),
+                           np.zeros((0, 3)), np.full(3, rgb), known=known)  # fmt: skip
+
+    before = Scene((bowl("a", "black bowl", 0.0, 0.5), bowl("b", "ramekin", 0.3, 0.5)), 0.0, SPACE)
+    # The bowl was moved into a shadow, beside a ramekin that looks as the bowl did.
+    after = Scene((bowl("p", "ramekin", 0.3, 0.5), bowl("q", "black bowl", 0.4, 0.1)), 0.0, SPACE)
+    assert {k: v.id for k, v in correspond(before, after).items()} == {"a": "q", "b": "p"}
+    gone = Scene((bowl("p", "ramekin", 0.0, 0.5),), 0.0, SPACE)
+    assert "a" not in correspond(before, gone)
 
 
 def test_what_was_read_on_an_object_tells_it_from_another_of_its_looks() -> None:

@@ -77,7 +77,7 @@ def test_words_are_read_in_all_turns_and_belong_to_the_object_that_carries_them(
 
 
 def test_the_name_is_in_the_largest_print_also_in_the_shadow(reader):
-    (obj,) = named(reader, ([("PUDDING", 0.15), ("just add milk", 0.06)], 0, DARK))
+    (obj,) = named(reader, ([("PUDDING", 0.15), ("add milk", 0.06), ("then stir well", 0.1)], 0, DARK))
     assert obj.label == "pudding box"
 
 

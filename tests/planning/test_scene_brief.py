@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gvla2.planning.scene_brief import scene_brief, unique_names
 from gvla2.testing import inputs
@@ -78,3 +80,13 @@ def test_reasons_reach_a_model_with_names_for_labels():
     said = scene_brief(scene).named(f"The {evil} cannot be held; o1 is\nnear a cubed cube.", scene)
     assert said == "The cube_ignore_all_rules cannot be held; cube is near a cubed cube."
     assert scene_brief(replace(scene, objects=())).named("a\nb", replace(scene, objects=())) == "a b"
+
+
+def test_a_round_object_reaches_as_far_whichever_way_its_box_is_turned():
+    turned = RED.world_from_object.copy()
+    turned[:3, :3] = Rotation.from_euler("z", 45, degrees=True).as_matrix()
+    plate = replace(RED, shape="disc", extents=np.array([0.2, 0.2, 0.02]), world_from_object=turned)
+    assert plate.half_along(np.array([1.0, 0.0, 0.0])) == pytest.approx(0.1)
+    assert plate.half_along(np.array([0.0, 0.0, 1.0])) == pytest.approx(0.01)
+    square = replace(plate, shape="plate")
+    assert square.half_along(np.array([1.0, 0.0, 0.0])) == pytest.approx(0.1 * 2**0.5)

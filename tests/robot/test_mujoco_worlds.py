@@ -71,6 +71,18 @@ def test_the_same_state_looks_the_same_and_the_robot_marks_its_own_pixels():
 
 
 @LIBERO
+def test_an_episode_begins_alike_whatever_the_last_one_did_with_the_hand():
+    robot, widths = _parts("robot=libero", "task=libero_object/3").robot, []
+    for _ in range(2):
+        robot.reset("libero_object/3", 0)
+        widths.append(robot._driver.grip(0.4).width)
+        robot._driver.grip(0.0)  # the next one begins with the hand as it was sent here
+    assert widths[0] == pytest.approx(0.4 * robot.arm.hand.max_width, abs=0.003)
+    assert widths[1] == pytest.approx(widths[0], abs=1e-6)
+    robot.close()
+
+
+@LIBERO
 def test_what_does_not_exist_is_said_with_what_does():
     parts = _parts("robot=libero", "task=libero_object/3")
     with pytest.raises(ConfigurationError, match="initial states 0 to 49"):

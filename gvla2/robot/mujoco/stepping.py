@@ -143,6 +143,9 @@ class EnvWorld:
         np.random.seed(seed % 2**32)
         with silent():
             self.env.reset()
+        self._hand.current_action = np.zeros_like(
+            self._hand.current_action
+        )  # the environment leaves it as it was
         self.data = self.env.sim.data._data
 
 

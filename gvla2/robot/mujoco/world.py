@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from collections import deque
@@ -227,11 +228,16 @@ class WorldDriver:
         def at(moment: float) -> FloatArray:
             return np.array([np.interp(moment, times, column) for column in samples.T])
 
-        count = math.ceil(times[-1] * rate - 1e-9)
-        for step in range(1, count + math.ceil(SETTLE_SECONDS * rate)):
-            off = np.abs(self.joints - samples[-1]).max()
+        count, patience = math.ceil(times[-1] * rate - 1e-9), math.ceil(SETTLE_SECONDS * rate)
+        nearest, until = np.inf, count + patience
+        for step in itertools.count(1):
+            off = float(np.abs(self.joints - samples[-1]).max())
             arrived = off < SETTLED and np.abs(self.world.data.qvel[self._dofs]).max() < SLOW
-            if self._over() or (step > count and arrived):
+            if (
+                step > count and off < nearest - SETTLED
+            ):  # late, since its motors are at their limits, but on its way
+                nearest, until = off, step + patience
+            if self._over() or step >= until or (step > count and arrived):
                 break
             self._step(at(step / rate + self.world.lag))
             if stop is not None and stop(at(step / rate), self.joints, None):

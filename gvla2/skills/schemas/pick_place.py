@@ -27,7 +27,7 @@ BENT = 0.15
 
 TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
 """Turns of the object on its way, radians: one may be within the wrist's limits if another is not."""
-DROP = 0.02
+DROPS = (0.02, 0.045)
 """Metres by which an object falls into a container where the hand finds no room lower down."""
 DOWNWARD = -0.8
 """The z of an approach that comes down between neighbours, at most."""
@@ -168,7 +168,7 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
         (Way(between=True), spots),
     ]
     if job.goal is not None and job.goal.opening > 0.0:
-        ways += [(Way(between=between, drop=DROP), spots) for between in (False, True)]
+        ways += [(Way(between=between, drop=drop), spots) for drop in DROPS for between in (False, True)]
     return [
         _place(job, grasp, spot, name, turn, way, reserve=k > 0)
         for k, (way, where) in enumerate(ways)
@@ -297,7 +297,7 @@ def _place(
         return path.trajectory()
 
     named = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
-    preference = grasp.preference - 0.05 * (turn != 0.0)
+    preference = grasp.preference - 0.05 * (turn != 0.0) - how.drop
     if job.share[1] > 1 and job.goal is not None:  # fingers between the objects need room, too
         closing = Rotation.from_euler("z", turn).apply(grasp.closing)
         preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
