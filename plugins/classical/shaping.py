@@ -150,10 +150,15 @@ def _ring(frames: Sequence[TableFrame], obj: SeenObject) -> SeenObject | None:
     yaw, middle, sides = narrow_yaw(at[:, :2], trim=0.0)
     if seen_through(frames, at, margin=0.5 * obj.extents[2]).mean() < 0.6:
         return None
-    off, (c, s) = obj.points[:, :2] - middle, (np.cos(yaw), np.sin(yaw))
+    off = obj.points[:, :2] - middle
+    away = np.linalg.norm(off, axis=1)
+    square = len(largest) * HOLE_CELL**2 > ROUND_HOLE * float((sides + HOLE_CELL).prod())
+    if not square:  # turned as what stands out
+        along = off[away >= np.quantile(away, 0.98)].mean(axis=0)
+        yaw = float(np.arctan2(along[1], along[0]))
+    c, s = np.cos(yaw), np.sin(yaw)
     inner = np.abs(off @ np.array([[c, -s], [s, c]]))
-    square = len(largest) * HOLE_CELL**2 > ROUND_HOLE * float(sides.prod())
-    hole = 2.0 * float(np.percentile(inner.max(axis=1) if square else np.linalg.norm(off, axis=1), 2.0))
+    hole = 2.0 * float(np.percentile(inner.max(axis=1) if square else away, 2.0))
     if hole < NARROWEST:
         return None
     yaw, width, depth = upright_rectangle(yaw, *(2.0 * np.percentile(inner, 99.5, axis=0)))

@@ -252,3 +252,20 @@ def test_a_bin_with_compartments_is_hollow():
     (tray,) = perceive(render(whole)).objects
     assert tray.opening > 0.1
     assert tray.extents == pytest.approx([0.3, 0.3, 0.08], abs=0.006)
+
+
+def test_a_round_hole_is_as_wide_as_it_is_and_the_ring_lies_as_its_handle():
+    angles = np.arange(16) * np.pi / 8
+    around = 0.042 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    at, yaw = np.array([0.3, 0.1]), 0.6
+    whole = [
+        put("box", (0.024, 0.02, 0.02), at + xy, float(turn), "orange")
+        for xy, turn in zip(around, angles, strict=True)
+    ]
+    whole.append(
+        put("box", (0.04, 0.03, 0.02), at + 0.068 * np.array([np.cos(yaw), np.sin(yaw)]), yaw, "orange")
+    )
+    (nut,) = perceive(render(whole)).objects
+    assert nut.opening == pytest.approx(0.06, abs=0.005)
+    along = nut.world_from_object[:2, 0]
+    assert abs(along @ [np.cos(yaw), np.sin(yaw)]) > 0.99
