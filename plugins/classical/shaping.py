@@ -272,13 +272,15 @@ def shape_object(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray
     obj = replace(obj, floating=evidence.floating, lowest=evidence.lowest)
     if (hollow := _hollow(frames, evidence, obj, fit)) is not None:
         return hollow
-    if fit.agreement < 0.5 * GOOD or not _within(evidence, obj):
-        # No solid that we know: the box about its points, or four walls about something else.
-        yaw, middle, lengths = narrow_yaw(obj.points[:, :2], trim=0.5)
-        lengths = np.maximum(lengths, THIN)
-        obj = obj.posed("other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
-        obj = obj if evidence.floating else _walled(frames, obj)
-    return obj
+    if fit.agreement >= GOOD and _within(evidence, obj):
+        return obj
+    # Four walls about something else; or no solid that we know, and the box about its points.
+    yaw, middle, lengths = narrow_yaw(obj.points[:, :2], trim=0.5)
+    lengths = np.maximum(lengths, THIN)
+    other = obj.posed("other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
+    walled = other if evidence.floating else _walled(frames, other)
+    bad = fit.agreement < 0.5 * GOOD or not _within(evidence, obj)
+    return walled if bad or walled.hollow else obj
 
 
 def _walled(frames: Sequence[TableFrame], obj: SeenObject) -> SeenObject:
