@@ -76,7 +76,7 @@ def taught(views: Views, scene: Scene, ids: Sequence[str], *, alone: bool = Fals
     solid = {
         obj.id: _pixels(frames, up, obj) for obj in scene.objects if obj.shape != "region" or obj.id in ids
     }
-    own = [np.any(masks, axis=0) for masks in zip(*(solid[one] for one in ids), strict=True)]
+    own = [np.logical_or.reduce(masks) for masks in zip(*(solid[one] for one in ids), strict=True)]
     if not alone:
         own = _bodies(frames, up, own)
     shown = _count(own)
