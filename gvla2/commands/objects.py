@@ -48,7 +48,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("name", metavar="NAME")
     parser.add_argument("options", nargs="*", metavar="KEY=VALUE")
     asked = parser.parse_args(argv)
-    options = dict(word.partition("=")[::2] for word in asked.options)
+    options = {key: value for key, _, value in (word.partition("=") for word in asked.options)}
     if unknown := [name for name in options if name not in OPTIONS]:
         parser.error(f"there is no option '{unknown[0]}='.{did_you_mean(unknown[0], OPTIONS)}")
     if missing := [name for name in OPTIONS[:3] if not options.get(name)]:

@@ -39,7 +39,11 @@ MARGIN = 0.004
 LEAST = 150
 """Least pixels that show an object to be taught."""
 TOP = 0.01
-"""Metres below the highest points that are an object's top, whose middle its axis goes through."""
+"""Metres below the highest points that are an object's top."""
+BESIDE = np.stack(np.meshgrid([-0.002, 0.0, 0.002], [-0.002, 0.0, 0.002]), axis=-1).reshape(-1, 2)
+"""(9, 2) metres beside a middle where the axis is looked for as well: seen outlines are off by about half a pixel."""
+FEW, HIDDEN = 400, 0.5
+"""Points that the axis is found by, and what a turned point counts that no camera can confirm, in bands."""
 ON_TABLE = 0.008
 """An object whose lowest points are at most this high above the table, metres, stands on it."""
 PIECE = 0.2
@@ -72,7 +76,7 @@ def taught(views: Views, scene: Scene, ids: Sequence[str], *, alone: bool = Fals
     solid = {
         obj.id: _pixels(frames, up, obj) for obj in scene.objects if obj.shape != "region" or obj.id in ids
     }
-    own = [np.any(masks, axis=0) for masks in zip(*(solid[one] for one in ids), strict=True)]
+    own = [np.logical_or.reduce(masks) for masks in zip(*(solid[one] for one in ids), strict=True)]
     if not alone:
         own = _bodies(frames, up, own)
     shown = _count(own)
@@ -147,8 +151,8 @@ def _completed(
     """The closed surface about an object's seen points (N, 3) with colours (N, 3), that stands at the height ``foot``
     in the world, in the frame of :class:`Taught`; and the share of it that was seen.
     """
-    axis = _axis_of(points)
-    opposite = np.array([*(2 * axis), 0.0]) + points * [-1.0, -1.0, 1.0]
+    axis = _axis_of(frames, up, own, points)
+    opposite = _half_turn(points, axis)
     yaw, low, high = footprint(np.concatenate([points, opposite])[:, :2])
     top = float(np.percentile(points[:, 2], 99.8))
     step = max(STEP, float(max(*(high - low), top - foot)) / MOST_STEPS)
@@ -161,8 +165,7 @@ def _completed(
     grid = np.concatenate([local[..., :2] @ turn.T + middle, local[..., 2:] + foot], axis=-1).reshape(-1, 3)
     free = _free(frames, up, own, grid, BAND * step)
     unseen = free <= -BAND * step
-    across = np.array([*(2 * axis), 0.0]) + grid[unseen] * [-1.0, -1.0, 1.0]
-    free[unseen] = _free(frames, up, own, across, BAND * step)
+    free[unseen] = _free(frames, up, own, _half_turn(grid[unseen], axis), BAND * step)
     outside = np.maximum((np.abs(local[..., :2]) - half).max(axis=-1), local[..., 2] - (top - foot))
     inside = -np.maximum(free.reshape(shape), np.maximum(outside, -local[..., 2]))
     parts, count = label(inside > 0)
@@ -186,11 +189,32 @@ def _completed(
     return replace(mesh, vertices=frame, colours=rgb), float((seen @ areas) / areas.sum())
 
 
-def _axis_of(points: FloatArray) -> FloatArray:
-    """(2,) x and y of the vertical axis of an object seen at points (N, 3)."""
+def _axis_of(
+    frames: Sequence[ViewFrame], up: Sequence[BoolArray], own: Sequence[BoolArray], points: FloatArray
+) -> FloatArray:
+    """(2,) x and y of the vertical axis of an object seen at points (N, 3).
+
+    The middle of all that is seen, or of the top where its far side is hidden, or a place just beside either: that at
+    which the points, after half a turn, agree best with what the cameras measured.
+    """
     high = points[points[:, 2] > np.percentile(points[:, 2], 99.0) - TOP]
-    yaw, low, up = footprint(high[:, :2])
-    return np.asarray(_level(yaw) @ (0.5 * (low + up)))
+    band = BAND * STEP
+    few = points[:: max(1, len(points) // FEW)]
+
+    def disagreement(axis: FloatArray) -> float:
+        free = _free(frames, up, own, _half_turn(few, axis), band)
+        return float(np.where(free <= -band, HIDDEN * band, np.abs(free)).mean())
+
+    found = []
+    for seen in (points, high):
+        yaw, low, top = footprint(seen[:, :2])
+        found += [_level(yaw) @ (0.5 * (low + top)) + beside for beside in BESIDE]
+    return min(found, key=disagreement)
+
+
+def _half_turn(points: FloatArray, axis: FloatArray) -> FloatArray:
+    """Points (N, 3) after half a turn about the vertical axis through ``axis`` (2,)."""
+    return np.asarray(np.array([*(2 * axis), 0.0]) + points * [-1.0, -1.0, 1.0])
 
 
 def _free(

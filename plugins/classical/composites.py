@@ -224,7 +224,7 @@ def _about(obj: SeenObject, case: SeenObject) -> SeenObject:
 
 
 PANEL = 0.15  # metres: no side of a door is shorter
-STANDS_OFF = (0.02, 0.15)  # metres by which the handle of a door does
+FIXED, STANDS_OFF = 0.03, (0.02, 0.15)  # metres between a door and what is seen of its handle, at either end
 
 
 def join_doors(draft: SceneDraft) -> None:
@@ -242,20 +242,29 @@ def join_doors(draft: SceneDraft) -> None:
         near, far = STANDS_OFF
         pieces = {j: _before(draft.objects[j], panel) for j in draft.left() if j != k}
         bars = {
-            j: piece.side
+            j: piece
             for j, piece in pieces.items()
             if piece is not None
             and piece.side[1] == 1
+            and draft.objects[j].floating
             and near < piece.far < far
             and piece.breadths.max() < 0.5 * panel.extents[0]
         }
-        if not bars:
+        fixed = [j for j, piece in bars.items() if piece.near < FIXED]
+        if not fixed:
             continue
-        best = max(bars, key=lambda j: len(draft.objects[j].members))
-        draft.objects[best] = replace(_about(draft.objects[best], panel), noun="handle", part_of=k, on=-1)
-        draft.objects[k] = replace(panel, noun="door")
-        draft.take_in(best, [j for j, side in bars.items() if j != best and side == bars[best]])
+        best = max(fixed, key=lambda j: len(draft.objects[j].members))
+        bar = replace(_about(draft.objects[best], panel), noun="handle", part_of=k, on=-1)
+        draft.objects[best], draft.objects[k] = bar, replace(panel, noun="door")
+        scraps = [j for j, piece in bars.items() if j != best and piece.side == bars[best].side]
+        draft.take_in(best, [j for j in scraps if _is_around(bar, draft.objects[j])])
         found.append(panel)
+
+
+def _is_around(bar: SeenObject, piece: SeenObject) -> bool:
+    """Whether most of a piece is in or beside the box of a bar."""
+    near = np.abs(bar.local(piece.points)) < 0.5 * bar.extents + BESIDE
+    return bool(near.all(axis=1).mean() > 0.8)
 
 
 AXIS = 0.25  # of a carrier's width: how far off its axis a part of it may be

@@ -150,10 +150,15 @@ def _ring(frames: Sequence[TableFrame], obj: SeenObject) -> SeenObject | None:
     yaw, middle, sides = narrow_yaw(at[:, :2], trim=0.0)
     if seen_through(frames, at, margin=0.5 * obj.extents[2]).mean() < 0.6:
         return None
-    off, (c, s) = obj.points[:, :2] - middle, (np.cos(yaw), np.sin(yaw))
+    off = obj.points[:, :2] - middle
+    away = np.linalg.norm(off, axis=1)
+    square = len(largest) * HOLE_CELL**2 > ROUND_HOLE * float((sides + HOLE_CELL).prod())
+    if not square:  # turned as what stands out
+        along = off[away >= np.quantile(away, 0.98)].mean(axis=0)
+        yaw = float(np.arctan2(along[1], along[0]))
+    c, s = np.cos(yaw), np.sin(yaw)
     inner = np.abs(off @ np.array([[c, -s], [s, c]]))
-    square = len(largest) * HOLE_CELL**2 > ROUND_HOLE * float(sides.prod())
-    hole = 2.0 * float(np.percentile(inner.max(axis=1) if square else np.linalg.norm(off, axis=1), 2.0))
+    hole = 2.0 * float(np.percentile(inner.max(axis=1) if square else away, 2.0))
     if hole < NARROWEST:
         return None
     yaw, width, depth = upright_rectangle(yaw, *(2.0 * np.percentile(inner, 99.5, axis=0)))
@@ -272,13 +277,15 @@ def shape_object(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray
     obj = replace(obj, floating=evidence.floating, lowest=evidence.lowest)
     if (hollow := _hollow(frames, evidence, obj, fit)) is not None:
         return hollow
-    if fit.agreement < 0.5 * GOOD or not _within(evidence, obj):
-        # No solid that we know: the box about its points, or four walls about something else.
-        yaw, middle, lengths = narrow_yaw(obj.points[:, :2], trim=0.5)
-        lengths = np.maximum(lengths, THIN)
-        obj = obj.posed("other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
-        obj = obj if evidence.floating else _walled(frames, obj)
-    return obj
+    if fit.agreement >= GOOD and _within(evidence, obj):
+        return obj
+    # Four walls about something else; or no solid that we know, and the box about its points.
+    yaw, middle, lengths = narrow_yaw(obj.points[:, :2], trim=0.5)
+    lengths = np.maximum(lengths, THIN)
+    other = obj.posed("other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
+    walled = other if evidence.floating else _walled(frames, other)
+    bad = fit.agreement < 0.5 * GOOD or not _within(evidence, obj)
+    return walled if bad or walled.hollow else obj
 
 
 def _walled(frames: Sequence[TableFrame], obj: SeenObject) -> SeenObject:

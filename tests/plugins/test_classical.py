@@ -231,3 +231,41 @@ def test_objects_beside_the_workspace_are_left_out():
     scene = perceive(render([cube((0.3, 0.0)), cube((0.80, 0.2), 0.0, "blue")]))
     assert [o.label for o in scene.objects] == ["red cube"]
     assert any("beside the workspace" in note for note in scene.notes)
+
+
+def test_a_nut_is_a_ring_about_its_hole_whatever_stands_out_on_one_side():
+    sides = [((x, 0.0), (0.02, 0.086, 0.02)) for x in (-0.033, 0.033)]
+    sides += [((0.0, y), (0.046, 0.02, 0.02)) for y in (-0.033, 0.033)]
+    handle = ((0.06, 0.0), (0.04, 0.032, 0.02))
+    at = np.array([0.3, 0.1])
+    whole = [put("box", size, at + xy, 0.0, "orange") for xy, size in [*sides, handle]]
+    (nut,) = perceive(render(whole)).objects
+    assert nut.shape == "ring"
+    assert nut.centre[:2] == pytest.approx(at, abs=0.003)
+    assert nut.opening == pytest.approx(0.046, abs=0.004)
+
+
+def test_a_bin_with_compartments_is_hollow():
+    walls = [((x, 0.0), (0.02, 0.3, 0.08)) for x in (-0.14, 0.0, 0.14)]
+    walls += [((0.0, y), (0.3, 0.02, 0.08)) for y in (-0.14, 0.14)]
+    whole = [put("box", size, np.array([0.3, 0.0]) + xy, 0.0, "blue") for xy, size in walls]
+    (tray,) = perceive(render(whole)).objects
+    assert tray.opening > 0.1
+    assert tray.extents == pytest.approx([0.3, 0.3, 0.08], abs=0.006)
+
+
+def test_a_round_hole_is_as_wide_as_it_is_and_the_ring_lies_as_its_handle():
+    angles = np.arange(16) * np.pi / 8
+    around = 0.042 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    at, yaw = np.array([0.3, 0.1]), 0.6
+    whole = [
+        put("box", (0.024, 0.02, 0.02), at + xy, float(turn), "orange")
+        for xy, turn in zip(around, angles, strict=True)
+    ]
+    whole.append(
+        put("box", (0.04, 0.03, 0.02), at + 0.068 * np.array([np.cos(yaw), np.sin(yaw)]), yaw, "orange")
+    )
+    (nut,) = perceive(render(whole)).objects
+    assert nut.opening == pytest.approx(0.06, abs=0.005)
+    along = nut.world_from_object[:2, 0]
+    assert abs(along @ [np.cos(yaw), np.sin(yaw)]) > 0.99
