@@ -129,8 +129,12 @@ class _Run:
             self.world.release(self.arm.forward(state.joints))
 
         samples = self._plan(waypoint, state, pose)
-        if waypoint.gripper < self.opening and not (waypoint.carries or waypoint.allowed_contacts or self.holds):
-            self.opening = waypoint.gripper  # an empty hand in the open closes on its way: it needs less room there
+        if waypoint.gripper < self.opening and not (
+            waypoint.carries or waypoint.allowed_contacts or self.holds
+        ):
+            self.opening = (
+                waypoint.gripper
+            )  # an empty hand in the open closes on its way: it needs less room there
         self.joint_path += [tuple(row) for row in samples[:: max(1, round(0.05 / options.dt))].tolist()]
         dwell = math.ceil(waypoint.dwell / options.dt)
         self._know(motion_seconds=(len(samples) - 1 + dwell) * options.dt)
