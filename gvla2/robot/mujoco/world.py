@@ -153,7 +153,7 @@ IMPOSSIBLE = 1e3
 """Speed of a joint or body beyond which the physics has blown up, m/s or rad/s."""
 
 SETTLED, SLOW, SETTLE_SECONDS, NEARER = 3e-3, 0.03, 0.3, 0.03
-"""A motion is over at this joint error (rad) and speed (rad/s), or when for so long it came nearer by less than this."""
+"""A motion is over at this joint error (rad) and speed (rad/s), or when for so long it came nearer by less (rad)."""
 
 GRIP_SECONDS, STILL, STILL_STEPS = 1.0, 5e-4, 3
 """Gripping is over, once the hand's target has arrived, when the width (metres) changed by less over this number of
