@@ -167,7 +167,7 @@ def _completed(
     unseen = free <= -BAND * step
     free[unseen] = _free(frames, up, own, _half_turn(grid[unseen], axis), BAND * step)
     outside = np.maximum((np.abs(local[..., :2]) - half).max(axis=-1), local[..., 2] - (top - foot))
-    inside = -np.maximum(free.reshape(shape), np.maximum(outside, -local[..., 2]))
+    inside: FloatArray = -np.maximum(free.reshape(shape), np.maximum(outside, -local[..., 2]))
     parts, count = label(inside > 0)
     if not count:
         raise PerceptionError("What is seen of it encloses nothing: it is thinner than the cameras can tell.")

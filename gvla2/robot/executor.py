@@ -38,6 +38,8 @@ class ExecutorOptions:
     max_motion_seconds: float = 60.0
 
 
+CLOSING_SECONDS = 0.5
+"""A motion that takes longer leaves the fingers time to close on the way."""
 TRACKING_FACTOR = 3.0
 """A position error above this many times a waypoint's tolerance stops the motion."""
 
@@ -129,12 +131,9 @@ class _Run:
             self.world.release(self.arm.forward(state.joints))
 
         samples = self._plan(waypoint, state, pose)
-        if waypoint.gripper < self.opening and not (
-            waypoint.carries or waypoint.allowed_contacts or self.holds
-        ):
-            self.opening = (
-                waypoint.gripper
-            )  # an empty hand in the open closes on its way: it needs less room there
+        busy = waypoint.carries or waypoint.allowed_contacts or self.holds
+        if waypoint.gripper < self.opening and not busy and (len(samples) - 1) * options.dt > CLOSING_SECONDS:
+            self.opening = waypoint.gripper  # an empty hand in the open closes on its way
         self.joint_path += [tuple(row) for row in samples[:: max(1, round(0.05 / options.dt))].tolist()]
         dwell = math.ceil(waypoint.dwell / options.dt)
         self._know(motion_seconds=(len(samples) - 1 + dwell) * options.dt)

@@ -115,7 +115,7 @@ def test_perceived_names_and_relations_decide(sentence, done):
 @pytest.mark.parametrize(
     ("sentence", "kind", "words"),
     [
-        ("pick up the square nut", "nothing_matches", "Nothing here is 'the square nut'"),
+        ("pick up the hexagonal nut", "nothing_matches", "Nothing here is 'the hexagonal nut'"),
         ("pick the bbq sauce and place it on the plate", "nothing_matches", "'the bbq sauce'; the scene has: akita"),
         ("pick up the akita black bowl", "ambiguous", "may mean akita black bowl at (0.20, 0.15), akita black bowl"),
         ("pick up the orange bowl", "nothing_matches", "'the orange bowl'"),
