@@ -167,7 +167,7 @@ def _completed(
     unseen = free <= -BAND * step
     free[unseen] = _free(frames, up, own, _half_turn(grid[unseen], axis), BAND * step)
     outside = np.maximum((np.abs(local[..., :2]) - half).max(axis=-1), local[..., 2] - (top - foot))
-    inside: FloatArray = -np.maximum(free.reshape(shape), np.maximum(outside, -local[..., 2]))
+    inside = -np.maximum(free.reshape(shape), np.maximum(outside, -local[..., 2]))
     parts, count = label(inside > 0)
     if not count:
         raise PerceptionError("What is seen of it encloses nothing: it is thinner than the cameras can tell.")
@@ -181,11 +181,11 @@ def _completed(
     placed = np.column_stack([mesh.vertices[:, :2] @ turn.T + middle, mesh.vertices[:, 2] + foot])
     gap, nearest = cKDTree(points).query(placed)
     other, across_nearest = cKDTree(opposite).query(placed)
-    mirrored = other + step < gap
+    mirrored = np.asarray(other + step < gap)
     rgb = np.where(mirrored[:, None], colours[across_nearest], colours[nearest])
     frame = np.column_stack([placed[:, :2] - axis, mesh.vertices[:, 2]])
     areas = mesh.areas
-    seen = (gap < 2 * step)[mesh.faces].mean(axis=1)
+    seen = np.asarray(gap < 2 * step)[mesh.faces].mean(axis=1)
     return replace(mesh, vertices=frame, colours=rgb), float((seen @ areas) / areas.sum())
 
 
