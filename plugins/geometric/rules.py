@@ -54,11 +54,13 @@ def completion(case: Case) -> Score:
 def _meant_another(case: Case) -> str:
     """A named colour that some object has, but no handled one; "" for none.
 
-    If a handled object has one of the named colours, another may be a landmark's.
+    If a handled object has one of the named colours, another may be a landmark's. A colour in a handled object's name
+    is no colour: a black bowl may be seen silver.
     """
     objects = [o for o in map(case.seen, case.evidence.plan.roles.values()) if o is not None]
     ids = {o.parent for o in objects}.union(*(case.before.family(o.id) for o in objects))
-    handled = {o.colour for o in case.before.objects if o.id in ids}
+    family = [o for o in case.before.objects if o.id in ids]
+    handled = {o.colour for o in family}.union(*(o.label.split() for o in family if o.named_by))
     named = set(re.findall(r"\w+", case.evidence.instruction.casefold()))
     named &= {o.colour for o in case.before.objects} - {""}
     return "" if named & handled else min(named, default="")

@@ -343,3 +343,18 @@ def test_a_knob_that_stays_in_place_is_judged_by_its_joint(came, outcome):
     later = replace(knob, joint=replace(joint, position=came))
     shown = evidence(scene(knob), scene(later), "twist", {"theme": "a"}, PICK[:3], parameters={"turn": 2.0})
     assert judge(shown).outcome == outcome
+
+
+def test_a_colour_in_the_name_that_perception_gave_is_no_colour() -> None:
+    """A black bowl whose pixels are red: what the sentence calls black was handled, though something black is there."""
+    bowl = replace(obj("a", 0.3, 0.1), label="black bowl", named_by="gallery")
+    before = scene(bowl, replace(obj("b", 0.3, -0.2, colour="blue"), colour="black"))
+    after = before.with_object(replace(bowl, world_from_object=rigid(None, (0.3, 0.1, 1.0))))
+    shown = evidence(before, after, "pick", {"theme": "a"}, PICK, width=0.05)
+    assert judge(replace(shown, instruction="pick up the black bowl")).outcome == "verified_success"
+    plain = [
+        replace(view, objects=(replace(view["a"], label="red box", named_by=""), view["b"]))
+        for view in (before, after)
+    ]
+    shown = replace(shown, before=plain[0], after=plain[1], instruction="pick up the black bowl")
+    assert judge(shown).outcome == "uncertain"
