@@ -86,13 +86,11 @@ class SeenPoints:
         whole = []
         for camera, depth, _ in self.sights:
             uv, z = camera.project(self.points)
-            columns, rows = np.floor(uv).astype(int).T
-            size = np.array([camera.width, camera.height])
-            inside = camera.inside(uv)
-            here = inside.copy()
-            here[inside] = np.abs(depth[rows[inside], columns[inside]] - z[inside]) < NEAR
-            edge = ((uv < EDGE) | (uv > size - EDGE)).any(axis=1)
-            whole.append(here.sum() >= 0.5 * len(self.points) and not (edge & here).any())
+            index = np.flatnonzero(camera.inside(uv))
+            columns, rows = np.floor(uv[index]).astype(int).T
+            here = uv[index][np.abs(depth[rows, columns] - z[index]) < NEAR]
+            edge = ((here < EDGE) | (here > np.array([camera.width, camera.height]) - EDGE)).any()
+            whole.append(len(here) >= 0.5 * len(self.points) and not edge)
         return not any(whole)
 
 
