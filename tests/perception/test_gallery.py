@@ -96,3 +96,19 @@ def test_a_camera_without_depth_and_an_object_of_few_points_do_not_stop_it(world
     scene = labelled(replace(scene, objects=(*scene.objects, speck)), blind, [Gallery.read(folder)])
     assert {o.label for o in scene.objects if o.named_by} == {"painted brick", "blue bottle"}
     assert any(note.startswith("speck: unknown") and "5 points" in note for note in scene.notes)
+
+
+def test_a_plate_cut_off_by_the_picture_a_little_above_the_table_is_still_a_plate(world, tmp_path):
+    plate = trimesh.creation.revolve(
+        [[0, 0], [0.04, 0], [0.07, 0.012], [0.07, 0.016], [0.04, 0.005], [0, 0.005]], sections=48
+    )
+    book = trimesh.creation.box((0.14, 0.11, 0.03))
+    for mesh, name in ((plate, "plate"), (book, "book")):
+        mesh.visual.vertex_colors = np.tile([230, 230, 225, 255], (len(mesh.vertices), 1)).astype(np.uint8)
+        mesh.export(tmp_path / f"{name}.glb")
+    place = rigid(None, (0.25, 0.235, world.TABLE + 0.015))  # where a picture from above ends at y = .27
+    seen = world.Seen([(plate, place)], size=240, noise=0.0005)
+    observation = replace(seen.observation, views=Views(seen.observation.views.views[3:]))
+    (found,) = labelled(scene_of(world, observation), observation, [Gallery.read(tmp_path)]).objects
+    assert found.label == "plate"
+    assert found.known.world_from_scan[:3, 3] == pytest.approx(place[:3, 3], abs=0.012)
