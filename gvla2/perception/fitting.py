@@ -28,8 +28,8 @@ COARSE, BACK, FINE = 60, 60, 200
 """Seen points, points of the scan's upper side, and seen points again: of a coarse start and of the refinement."""
 CHECKED = 40
 """Starts of a scan that are checked in reverse."""
-POSES = 4
-"""Starts of a scan that are refined."""
+POSES, ALIKE = 4, 2
+"""Starts of a scan that are refined, and the most of them in one resting pose where there are others."""
 LEANS, AS_LIKELY = 0.2, 1.5
 """Lean that may only seem so, radians, and by how much less likely, in log-odds, the scan may be without it."""
 AS_WELL = 0.002
@@ -167,7 +167,11 @@ def coarse_starts(
     upper = turns[checked, 2] @ scan.normals[some].T > 0.2
     back = (_truncated(seen.nearest, placed) * upper).sum(axis=1) / np.maximum(upper.sum(axis=1), 1)
     gaps = forth[checked] + np.where(upper.any(axis=1), back, TRUNCATED)
-    best = np.argsort(gaps, kind="stable")[:POSES]
+    best = np.argsort(gaps, kind="stable")
+    # A can lies as well on its lid: each resting pose has a place among the best.
+    lying = checked[best] % (len(TURNS) * len(rests)) // len(TURNS)
+    among = np.array([np.count_nonzero(lying[:k] == lying[k]) for k in range(len(best))])
+    best = best[np.argsort(among >= ALIKE, kind="stable")][:POSES]
     return float(gaps[best[0]]), [rigid(turns[i], shifts[i]) for i in checked[best]]
 
 

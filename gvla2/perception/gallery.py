@@ -46,7 +46,7 @@ THIN = 0.004
 """Height above the table, metres, below which a body is paint or an edge of the table to every camera."""
 LEAST_SHARED = 0.12
 """Overlap of the colour histograms below which a scan is not tried."""
-REFINED, THOROUGH = 6, 2
+REFINED, THOROUGH = 6, 4
 """Number of scans whose best start is refined; and of the likeliest of these, whose other starts are refined too."""
 LARGE = 0.25
 """A known object longer than this, metres, is also searched for where only a part of it is seen."""

@@ -8,9 +8,11 @@ from gvla2.geometry.transform import rigid
 from gvla2.geometry.views import Views
 from gvla2.perception.clusters import cloud_of, clusters
 from gvla2.perception.frames import frames_of, raised
+from gvla2.perception.fitting import coarse_starts, seen_surface, sights_of
 from gvla2.perception.gallery import Gallery
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import object_of
+from gvla2.perception.scans import read_scans
 from gvla2.planning.scene import Scene
 
 
@@ -112,3 +114,18 @@ def test_a_plate_cut_off_by_the_picture_a_little_above_the_table_is_still_a_plat
     (found,) = labelled(scene_of(world, observation), observation, [Gallery.read(tmp_path)]).objects
     assert found.label == "plate"
     assert found.known.world_from_scan[:3, 3] == pytest.approx(place[:3, 3], abs=0.012)
+
+
+def test_what_fits_nearly_as_well_on_its_head_starts_either_way_up(world, tmp_path):
+    """Shape hardly tells a can from itself on its lid; its colours do, once it is laid there."""
+    can = trimesh.creation.cylinder(0.033, 0.08, sections=32).subdivide()
+    can.vertices[:, :2] *= np.where(can.vertices[:, 2] > 0.0, 1.0, 0.95)[:, None]
+    can.visual.vertex_colors = np.tile([200, 90, 40, 255], (len(can.vertices), 1)).astype(np.uint8)
+    can.export(tmp_path / "can.glb")
+    seen = world.Seen([(can, world.standing(can, 0.2, 0.0))], noise=0.0005)
+    (body,) = scene_of(world, seen.observation).objects
+    surface = seen_surface(body.points, sights_of(seen.observation.views), world.TABLE)
+    (scan,) = read_scans(tmp_path)
+    _, poses = coarse_starts(scan, surface)
+    ups = [pose[2, :3] for pose in poses]
+    assert min(one @ other for one in ups for other in ups) < -0.99
