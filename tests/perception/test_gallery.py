@@ -7,8 +7,8 @@ import trimesh
 from gvla2.geometry.transform import rigid
 from gvla2.geometry.views import Views
 from gvla2.perception.clusters import cloud_of, clusters
-from gvla2.perception.frames import frames_of, raised
 from gvla2.perception.fitting import coarse_starts, seen_surface, sights_of
+from gvla2.perception.frames import frames_of, raised
 from gvla2.perception.gallery import Gallery
 from gvla2.perception.labels import labelled
 from gvla2.perception.objects import object_of
