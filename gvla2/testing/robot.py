@@ -12,7 +12,14 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.backend import CameraFrames, DepthCamera, ExecutionListener, RobotBackend, SuccessCheck
+from gvla2.robot.backend import (
+    CameraFrames,
+    DepthCamera,
+    ExecutionListener,
+    OffersTasks,
+    RobotBackend,
+    SuccessCheck,
+)
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.solids import lowest
 from gvla2.robot.task import CheckedTask, Layout, Task, TaskInstance, TaskSite
@@ -96,12 +103,14 @@ def _check_instance(instance: TaskInstance, site: TaskSite) -> None:
 def check_robot(robot: RobotBackend, task: Task | None = None, *, move: bool = True) -> None:
     """Reset, observe, move by five centimetres, check success, close twice.
 
-    ``task`` is laid out by a simulator. ``move=False`` omits the motion, for an armed robot.
+    ``task`` is laid out by a simulator; a robot with tasks of its own is reset to its first. ``move=False`` omits the
+    motion, for an armed robot.
     """
     require_members(robot, "robot")
+    own = next(iter(robot.tasks()), None) if task is None and isinstance(robot, OffersTasks) else None
     try:
         with allowed("reset()"):
-            instance = robot.reset(task, seed=3)
+            instance = robot.reset(task or own, seed=3)
         require_type(instance, (TaskInstance, type(None)), "reset()'s answer")
         with allowed("observe()"):
             seen = robot.observe()

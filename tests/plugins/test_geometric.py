@@ -358,3 +358,13 @@ def test_a_colour_in_the_name_that_perception_gave_is_no_colour() -> None:
     ]
     shown = replace(shown, before=plain[0], after=plain[1], instruction="pick up the black bowl")
     assert judge(shown).outcome == "uncertain"
+
+
+def test_what_an_object_stood_on_is_not_the_object() -> None:
+    """A bowl is taken off a box and hidden by the hand: the box below its old place does not stand for it."""
+    before = scene(
+        obj("a", 0.3, 0.1, TABLE + 0.02), obj("b", 0.3, 0.1, colour="blue", size=(0.06, 0.08, 0.02))
+    )
+    after = without(before, "a")
+    shown = evidence(before, after, "pick", {"theme": "a"}, PICK, width=0.05)
+    assert judge(shown).outcome == "verified_success"

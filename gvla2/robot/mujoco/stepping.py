@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
+import warnings
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -48,10 +49,15 @@ def import_robosuite(wanted: str, needed_by: str, extra: str) -> Any:
 
 @contextlib.contextmanager
 def silent() -> Iterator[None]:
-    """Without what robosuite and LIBERO print and log on import and while they make environments."""
+    """Without what robosuite and LIBERO print, log and warn of on import and while they make environments."""
     logger = logging.getLogger("robosuite_logs")
     before, logger.disabled = logger.disabled, True
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+    with (
+        contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()),
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("ignore")
         try:
             yield
         finally:
