@@ -6,20 +6,24 @@ COLLADA file also says its unit.
 
 from __future__ import annotations
 
+import codecs
+import errno
 import io
 import json
+import logging
 import os
 import re
 import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
+from urllib.parse import unquote
 
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from gvla2.errors import GeometryError, MissingDependencyError
+from gvla2.errors import GeometryError, MissingDependencyError, reading
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.files import write_whole
@@ -34,6 +38,8 @@ _TURNS: Mapping[str, FloatArray] = {
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
 }
 """(3, 3) from a file's frame to the Z-up frame."""
+
+log = logging.getLogger(__name__)
 
 
 def to_y_up(points: ArrayLike) -> FloatArray:
@@ -62,16 +68,15 @@ def read_textured_mesh(path: str | os.PathLike[str], up: Literal["file", "z"] = 
     compressed in a way that isn't read; :class:`MissingDependencyError` for a COLLADA file without pycollada.
     """
     source = Path(path)
-    scene, from_file = _load(source, up)
-    try:
+    suffix = _suffix(source, READABLE)
+    with reading("a mesh", source):  # trimesh's parsers and visuals raise anything
+        scene, from_file = _load(source, suffix, up)
         pieces = [p for p in scene.dump() if isinstance(p, trimesh.Trimesh) and len(p.faces)]
         if not pieces:
             raise GeometryError("it holds no triangles.")
         looks = [_look(piece) for piece in pieces]
         vertices, faces = np.unique(np.concatenate(list(map(_corners, pieces))), axis=0, return_inverse=True)
         mesh = TriangleMesh(vertices @ from_file.T, faces.reshape(-1, 3))
-    except Exception as error:  # trimesh's visuals raise anything
-        raise _unreadable(source, error) from error
     images = [image for _, _, image in looks if image is not None]
     numbers = np.cumsum([image is not None for _, _, image in looks]) - 1
     texture = [-1 if image is None else number for number, (_, _, image) in zip(numbers, looks, strict=True)]
@@ -97,23 +102,37 @@ def write_mesh(path: str | os.PathLike[str], mesh: TriangleMesh) -> None:
     write_whole(path, content.encode() if isinstance(content, str) else content)
 
 
-def _load(source: Path, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray]:
+def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray]:
     """The file's scene as it is, and the matrix (3, 3) that takes its points to our frame, metres."""
-    suffix = _suffix(source, READABLE)
-    try:
-        if not source.is_file():
-            raise GeometryError("there is no such file.")
-        content = source.read_bytes()
-        if suffix == ".dae":
-            return _load_collada(source, content, up)
-        if suffix in _GLTF:
-            _check_extensions(content)
-        scene = trimesh.load_scene(source, process=False)
-    except MissingDependencyError:
-        raise
-    except Exception as error:  # trimesh's parsers raise anything
-        raise _unreadable(source, error) from error
+    if not source.is_file():
+        raise GeometryError("there is no such file.")
+    content = source.read_bytes().removeprefix(codecs.BOM_UTF8)
+    if suffix == ".dae":
+        return _load_collada(source, content, up)
+    if suffix in _GLTF:
+        _check_extensions(content)
+    resolver = _BesideResolver(source)
+    kind = suffix.removeprefix(".")
+    scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
     return scene, _TURNS["Y_UP"] if suffix in _GLTF else np.eye(3)
+
+
+class _BesideResolver(trimesh.resolvers.FilePathResolver):
+    """Finds a mesh's materials and pictures by the names that other systems write: Windows' paths, ``%20``, another
+    case, another machine's folders.
+    """
+
+    def get(self, name: str) -> bytes:
+        """The content of the file of that name, or of the one of its last part beside the mesh."""
+        folder, words = Path(self.parent), unquote(name.strip().strip('"')).replace("\\", "/")
+        last = Path(words).name.casefold()
+        named = [folder / each for each in (name.strip(), words) if not Path(each).is_absolute()]
+        beside = [each for each in sorted(folder.iterdir()) if each.name.casefold() == last]
+        found = next((each for each in (*named, *beside) if each.is_file()), None)
+        if found is None:
+            log.warning("%s names %s, which is not beside it.", self.clean, name)
+            raise FileNotFoundError(errno.ENOENT, f"{name} is not beside it")
+        return found.read_bytes().removeprefix(codecs.BOM_UTF8)
 
 
 def _load_collada(source: Path, content: bytes, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray]:
@@ -127,7 +146,7 @@ def _load_collada(source: Path, content: bytes, up: Literal["file", "z"]) -> tup
     if "<COLLADA" in head and "xmlns=" not in head[head.index("<COLLADA") :].partition(">")[0]:
         named = b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"'
         content = content.replace(b"<COLLADA", named, 1)  # pycollada knows elements by their namespace alone
-    resolver = trimesh.resolvers.FilePathResolver(source)
+    resolver = _BesideResolver(source)
     scene = trimesh.load_scene(io.BytesIO(content), file_type="dae", resolver=resolver, process=False)
     unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)", head)
     axis = re.search(r"<up_axis>\s*(\w+)", head)
@@ -151,11 +170,6 @@ def _suffix(path: Path, known: tuple[str, ...]) -> str:
     if suffix not in known:
         raise GeometryError(f"{path}: meshes are {', '.join(known)} files, not '{suffix}'.")
     return suffix
-
-
-def _unreadable(source: Path, error: Exception) -> GeometryError:
-    kind = "" if isinstance(error, GeometryError) else f"{type(error).__name__}: "
-    return GeometryError(f"Cannot read a mesh from {source}: {kind}{error}")
 
 
 def _corners(piece: trimesh.Trimesh) -> FloatArray:
