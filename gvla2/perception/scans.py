@@ -34,7 +34,7 @@ MOST_RESTS, LIKELY = 14, 0.99
 """Most resting poses tried, and the share of the total probability that they cover."""
 TRUNCATED = 0.02
 """Metres at which a point's distance from a scan is truncated."""
-VERSION = 7
+VERSION = 8
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
 """Stems that do not name an object: its folder does. Of several in a folder the first one here counts."""
 _MODELS = ("mobility", "robot", "urdf")
