@@ -72,7 +72,7 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
 
 def test_only_failures_are_filmed_where_only_these_are_wanted(registry, tmp_path):
     place, done = tmp_path / "episodes" / "pick_and_lift" / "off_5", []
-    for slips in ([], ["robot.finger_friction=0.01"]):
+    for slips in ([], ["robot.grip_force=0.1"]):
         tasks = ["tasks=[pick_and_lift]", "arms=['off']", "layouts=[5]", "films=failures"]
         assert run_bench(config_of(registry, tmp_path, *tasks, *slips), registry, tmp_path) == 1
         (row,) = [row for row in rows_of(tmp_path) if row["profile"] == "relaxed"]
