@@ -148,7 +148,7 @@ def composed(
     schema = schemas()[command]
     registry = _register({command: schema}, schema, registry)
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
-        return typed(hydra.compose(command, list(overrides))), registry
+        return typed(hydra.compose(command, quoted_instruction(overrides))), registry
 
 
 def typed(config: DictConfig) -> Any:
@@ -213,11 +213,10 @@ def quoted_instruction(argv: Sequence[str]) -> list[str]:
     words, made = iter(argv), []
     for word in words:
         option, _, text = word.partition("=")
+        plain = not sweeps and text not in ("", "null") and text[0] not in "'\""
         if word in ("-i", "--instruction"):
             made.append(_quoted(next(words, "")))
-        elif option == "--instruction":
-            made.append(_quoted(text))
-        elif option == "instruction" and not sweeps and text not in ("", "null") and text[0] not in "'\"":
+        elif option == "--instruction" or (option == "instruction" and plain):
             made.append(_quoted(text))
         else:
             made.append(word)
