@@ -96,7 +96,9 @@ def test_joints_are_driven_as_by_the_environments_own_controller(monkeypatch):
     target = world.data.qpos[joints] + np.linspace(-0.3, 0.4, 7)
 
     def theirs(to, closing):
-        world.robot.controller.update(force=True)  # by itself it begins from the posture before the initial state
+        world.robot.controller.update(
+            force=True
+        )  # by itself it begins from the posture before the initial state
         world.env.step(np.append(to - world.data.qpos[joints], closing))
 
     for world.advance in (theirs, own):

@@ -129,5 +129,7 @@ def test_a_bench_takes_the_robots_tasks_by_a_pattern(tmp_path: Path):
     rows = json.loads((tmp_path / "out" / "result.json").read_text())["rows"]
     assert {row["instruction"] for row in rows} == set(SENTENCES.values())
     for wrong in ("garden/*", "kitchen/9"):
-        with pytest.raises(ConfigurationError, match=rf"no task like '{re.escape(wrong)}.*offers: kitchen/\*"):
+        with pytest.raises(
+            ConfigurationError, match=rf"no task like '{re.escape(wrong)}.*offers: kitchen/\*"
+        ):
             designs(replace(config, tasks=[wrong]), registry)
