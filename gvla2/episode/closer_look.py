@@ -24,8 +24,9 @@ AWAY = 0.15
 TURNS = np.radians(np.arange(-180, 180, 30))
 RISES = np.radians([25.0, 40.0, 55.0])
 """Directions of a look: about the object, and above the level, the lowest first: they see most of a side."""
-NEW = np.radians(30.0)
-"""Least angle about the object between a look and the cameras that have seen it."""
+NEW, BEST = np.radians(30.0), np.radians(120.0)
+"""Angles about the object between a look and the nearest camera that has seen it: the least, and the best one, since a
+picture shows a third of what is around something."""
 STEEP = 0.5
 """Cosine of the angle above the level from which a camera sees the top of objects: 60 degrees."""
 HIDDEN = 0.005
@@ -59,7 +60,7 @@ def closer_look(
     tcp_from_camera: FloatArray,
     seen_from: Sequence[FloatArray],
 ) -> Look | None:
-    """The look that the arm can reach and that differs most from the places (3,) where cameras were; None without one.
+    """The look in the arm's reach that shows most of what no camera at the places (3,) has seen; None without one.
 
     ``tcp_from_camera`` (4, 4) is the camera's place on the tool; the arm is as observed.
     """
@@ -68,7 +69,7 @@ def closer_look(
         level = np.array([np.cos(turn), np.sin(turn), 0.0])
         nearest = max((_level_cosine(level, place - obj.centre) for place in seen_from), default=-1.0)
         if nearest < np.cos(NEW):
-            places.append((nearest, obj, np.cos(rise) * level + [0.0, 0.0, np.sin(rise)]))
+            places.append((abs(nearest - np.cos(BEST)), obj, np.cos(rise) * level + [0.0, 0.0, np.sin(rise)]))
     for _, obj, way in sorted(places, key=lambda each: each[0]):
         position = obj.centre + (0.5 * float(np.linalg.norm(obj.extents)) + AWAY) * way
         if not _hidden(obj, position, scene):
