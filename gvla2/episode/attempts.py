@@ -1,8 +1,9 @@
-"""What follows a motion: the next part of its program, or another attempt at the whole.
+"""What follows a motion: the next part of its program, a second try of the same part, or another attempt at the whole.
 
 A planner may hand over more skill calls than one plan holds (open the drawer, then put the cube in). The loop carries
 out the plan, moves the hand out of the cameras' view, looks again, finds the objects of the remaining calls in the new
-scene, and plans on. An attempt that surely failed may be repeated from the start.
+scene, and plans on. An object that the hand surely missed or lost is tried again by the same calls, with another grasp
+or place. An attempt that surely failed may be repeated from the start, by the planner.
 """
 
 from __future__ import annotations
@@ -70,17 +71,22 @@ def next_part(record: EpisodeRecord) -> EpisodeRecord:
 
 
 def remaining_program(record: EpisodeRecord) -> Continuation:
-    """The calls that the previous part left to do, with ids of the record's scene.
+    """The calls that the previous part, or a failed try of this one, left to do, with ids of the record's scene.
 
     Raises :class:`PerceptionError` if one of its objects was not seen again.
     """
-    before, after = record.parts[-1].planned, record.parts[-1].after_scene
-    now = _present_ids(before.scene, after, record.seen.scene)
-    calls = tuple(_translated(call, now, before.scene) for call in before.plan.remaining)
-    return Continuation(calls, before.plan.options)
+    last = previous(record)
+    before, calls = last.planned, calls_left(last) if record.second_try else last.planned.plan.remaining
+    now = present_ids(before.scene, last.after_scene, record.seen.scene)
+    return Continuation(tuple(_translated(call, now, before.scene) for call in calls), before.plan.options)
 
 
-def _present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, str]:
+def previous(record: EpisodeRecord) -> EpisodeRecord:
+    """The motion before this record's: a failed try of the same part, the part before it, or the attempt before."""
+    return record.attempts[-1] if record.second_try or not record.parts else record.parts[-1]
+
+
+def present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, str]:
     """Ids in ``now`` by the ids of ``before``, in which the previous part was planned.
 
     They are matched directly; objects that changed too much, via the scene in which that part ``ended``.
@@ -96,12 +102,12 @@ def _present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, st
     return found
 
 
-def _translated(call: SkillCall, now: dict[str, str], scene: Scene) -> SkillCall:
+def _translated(call: SkillCall, now: Mapping[str, str], scene: Scene) -> SkillCall:
     lost = next((name for name in (call.theme, call.goal) if name and name not in now), None)
     if lost is not None:
         label = next((o.label for o in scene.objects if o.id == lost), "")
         what = f"'{label}' ({lost})" if label else lost
-        raise PerceptionError(f"{call} comes next, but {what} was not seen again after the previous part.")
+        raise PerceptionError(f"{call} comes next, but {what} was not seen again after the previous motion.")
     return replace(call, theme=now.get(call.theme, ""), goal=now.get(call.goal, ""))
 
 
@@ -179,6 +185,61 @@ def _listed(calls: Sequence[SkillCall]) -> str:
     return ", ".join(map(str, calls))
 
 
+def calls_left(record: EpisodeRecord) -> tuple[SkillCall, ...]:
+    """The calls of a part that failed, from the one that it failed at, and those after it; none if that is unclear."""
+    plan, report = record.planned.plan, record.report
+    if len(plan.calls) > 1:
+        stopped = report.abort if report is not None else None
+        if stopped is None or plan.trajectory is None:
+            return ()
+        still = {waypoint.carries for waypoint in plan.trajectory.waypoints[stopped.index :]}
+        first = next((k for k, call in enumerate(plan.calls) if call.theme in still), len(plan.calls))
+        return (*plan.calls[first:], *plan.remaining) if first < len(plan.calls) else ()
+    return (*plan.calls, *plan.remaining)
+
+
+def should_try_again(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
+    """Whether to try the same calls in another way: the hand surely missed its object, lost it, or did not put it where
+    it belongs, and is empty now.
+
+    That the fingers closed on nothing is sure by itself; else the verifier must be sure.
+    """
+    plan, report = record.plan, record.report
+    if record.failure is None or plan is None or plan.trajectory is None or report is None:
+        return False
+    if record.after_scene is None or plan.trajectory.grips()[0] is None or _relative(plan, skills):
+        return False
+    lost = report.abort is not None and report.abort.abort == "slipped"
+    sure = lost or (record.verdict is not None and record.verdict.outcome == "verified_fail")
+    return sure and hand_is_free(report) and bool(calls_left(record))
+
+
+def seconds_needed(record: EpisodeRecord) -> float:
+    """Seconds that another try of a part that failed will take until it lets go, at the pace of that one."""
+    done, report = record.executable, record.report
+    assert report is not None
+    planned = done.trajectory.seconds(record.seen.observation.world_from_tcp[:3, 3])
+    measured = [w for w in report.waypoints if not w.abort] or list(report.waypoints)
+    spent = sum(w.motion_seconds for w in measured)
+    share = float(planned[[w.index for w in measured]].sum())
+    _, opens = done.trajectory.grips()
+    wanted = float(planned[: len(planned) if opens is None else opens + 1].sum())
+    return spent * wanted / share if share > 0.0 else wanted
+
+
+def second_try(record: EpisodeRecord) -> EpisodeRecord:
+    """The record of another try at the part that failed; the parts before it stay."""
+    failed = replace(record, attempts=(), parts=())
+    stopped = record.report.abort if record.report is not None else None
+    why = (
+        stopped.message
+        if stopped is not None
+        else " ".join(record.verdict.reasons[:1] if record.verdict else ())
+    )
+    note = f"Tried again in another way, since attempt {len(record.attempts) + 1} failed: {why}"
+    return record.afresh(attempts=(*record.attempts, failed), second_try=True, notes=(*record.notes, note))
+
+
 def should_replan(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
     """Whether to replan: something was executed, surely failed, and the instruction still means the same.
 
@@ -212,6 +273,8 @@ def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
 def previous_attempt_stands(record: EpisodeRecord) -> EpisodeRecord:
     """The previous attempt, which counts when this one ended before anything moved; a note says why."""
     before, failure = record.attempts[-1], record.failure
+    if record.second_try:
+        before = replace(before, parts=record.parts)
     why = f"at '{failure.stage}' ({failure.kind}): {failure.message}" if failure else "without a plan."
     note = f"Attempt {len(record.attempts) + 1} ended before anything moved, {why}"
     spent = Counter(before.timings)
