@@ -36,6 +36,8 @@ NO_MORE = ("not_started", "interrupted", "diverged")
 
 MOVED = 0.02
 """Distance by which a camera must have moved for its picture to show other things, metres."""
+SHORT = 0.3
+"""Planned seconds of a motion below which starting and stopping count for more than its speed."""
 RISE = 0.10
 """Metres that the opened hand rises straight up before it goes home, or up to the workspace's edge."""
 
@@ -214,17 +216,18 @@ def should_try_again(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDA
     return sure and hand_is_free(report) and bool(calls_left(record))
 
 
-def seconds_needed(record: EpisodeRecord) -> float:
-    """Seconds that another try of a part that failed will take until it lets go, at the pace of that one."""
+def least_seconds(record: EpisodeRecord) -> float:
+    """Seconds that another try of a part that failed takes at least until it lets go, at that one's fastest pace."""
     done, report = record.executable, record.report
     assert report is not None
     planned = done.trajectory.seconds(record.seen.observation.world_from_tcp[:3, 3])
-    measured = [w for w in report.waypoints if not w.abort] or list(report.waypoints)
-    spent = sum(w.motion_seconds for w in measured)
-    share = float(planned[[w.index for w in measured]].sum())
+    paces = [
+        each.motion_seconds / planned[each.index]
+        for each in report.waypoints
+        if not each.abort and planned[each.index] > SHORT
+    ]
     _, opens = done.trajectory.grips()
-    wanted = float(planned[: len(planned) if opens is None else opens + 1].sum())
-    return spent * wanted / share if share > 0.0 else wanted
+    return min(paces, default=0.0) * float(planned[: None if opens is None else opens + 1].sum())
 
 
 def second_try(record: EpisodeRecord) -> EpisodeRecord:

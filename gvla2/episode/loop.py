@@ -26,6 +26,7 @@ from gvla2.episode.attempts import (
     clear_view,
     hand_is_free,
     has_next_part,
+    least_seconds,
     next_attempt,
     next_part,
     part_instruction,
@@ -33,7 +34,6 @@ from gvla2.episode.attempts import (
     previous_attempt_stands,
     remaining_program,
     second_try,
-    seconds_needed,
     should_replan,
     should_try_again,
 )
@@ -233,10 +233,10 @@ def _to_the_end(
 def _out_of_time(record: EpisodeRecord, robot: RobotBackend) -> str:
     """Why the robot's world leaves no time for another try of a part that failed, "" if it does."""
     left = robot.seconds_left() if isinstance(robot, TimeLimited) else np.inf
-    needed = seconds_needed(record)
+    needed = least_seconds(record)
     if needed <= left:
         return ""
-    return f"No second try: it would take {needed:.1f} s, and this world ends in {left:.1f} s."
+    return f"No second try: it would take {needed:.1f} s or more, and this world ends in {left:.1f} s."
 
 
 def _another(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> tuple[EpisodeRecord, bool]:

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.checks_motion import resolve_motion
 from gvla2.planning.contracts import Abstention, AbstentionKind, Done, Plan, PlanRequest
@@ -391,6 +391,5 @@ def _moved(obj: SceneObject, by: FloatArray, scene: Scene) -> Scene:
     own = scene.family(obj.id)
     for each in scene.objects:
         if each.id in own:
-            pose, points = by @ each.world_from_object, transform_points(by, each.points)
-            scene = scene.with_object(replace(each, world_from_object=pose, points=points))
+            scene = scene.with_object(each.moved(by))
     return scene
