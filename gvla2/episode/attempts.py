@@ -78,9 +78,41 @@ def remaining_program(record: EpisodeRecord) -> Continuation:
     Raises :class:`PerceptionError` if one of its objects was not seen again.
     """
     last = previous(record)
-    before, calls = last.planned, calls_left(last) if record.second_try else last.planned.plan.remaining
+    before = last.planned
     now = present_ids(before.scene, last.after_scene, record.seen.scene)
-    return Continuation(tuple(_translated(call, now, before.scene) for call in calls), before.plan.options)
+    calls = tuple(_translated(call, now, before.scene) for call in _to_do(record))
+    return Continuation(calls, before.plan.options)
+
+
+def _to_do(record: EpisodeRecord) -> tuple[SkillCall, ...]:
+    """The calls for which the record's part is planned, with ids of the scene before; none in a new attempt."""
+    last = previous(record) if record.parts or record.second_try else None
+    if last is None or last.plan is None:
+        return ()
+    return calls_left(last) if record.second_try else last.plan.remaining
+
+
+def with_covered(scene: Scene, record: EpisodeRecord) -> Scene:
+    """The scene with the objects of the remaining calls that the previous motion hid: a plate under the mug that was
+    put on it is where it was.
+    """
+    calls = _to_do(record)
+    if not calls:
+        return scene
+    last = previous(record)
+    before, trajectory = last.planned.scene, last.planned.plan.trajectory
+    carried = {w.carries for w in trajectory.waypoints} if trajectory is not None else set()
+    now = present_ids(before, last.after_scene, scene)
+    for name in dict.fromkeys(name for call in calls for name in (call.theme, call.goal) if name):
+        obj = before[name]
+        if name not in now and name not in carried and any(_stands_on(each, obj) for each in scene.objects):
+            scene = replace(scene, objects=(*scene.objects, replace(obj, id=f"covered {name}")))
+    return scene
+
+
+def _stands_on(obj: SceneObject, lower: SceneObject) -> bool:
+    """Whether an object's middle is above a lower one, at a height where the two can touch."""
+    return lower.covers(obj.centre) and lower.bottom - MOVED < obj.bottom < lower.top + MOVED
 
 
 def previous(record: EpisodeRecord) -> EpisodeRecord:

@@ -36,6 +36,7 @@ from gvla2.episode.attempts import (
     second_try,
     should_replan,
     should_try_again,
+    with_covered,
 )
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.episode.lessons import memory_task, stories_of, transcript
@@ -353,7 +354,8 @@ def _looks(record: EpisodeRecord) -> int:
 def _perceive(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     if record.observation is None:
         raise RuntimeError("The episode has no observation: perceive was run too early.")
-    return replace(record, scene=_perceived(record.observation, record, components))
+    scene = _perceived(record.observation, record, components)
+    return replace(record, scene=with_covered(scene, record))
 
 
 def _perceived(observation: Observation, record: EpisodeRecord, components: Components) -> Scene:

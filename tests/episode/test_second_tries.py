@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.episode.attempts import calls_left, should_try_again
+from gvla2.episode.attempts import calls_left, remaining_program, should_try_again, with_covered
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.geometry.transform import rigid
 from gvla2.memory.contracts import Verdict
@@ -145,3 +145,29 @@ def test_a_grasp_that_failed_is_not_repeated_and_a_place_only_if_the_grasp_is_th
     far = first[0].copy()
     far[0, 3] += 0.05
     assert np.allclose(again(Tried(far)), first)
+
+
+def test_what_lies_under_an_object_that_was_put_on_it_can_still_be_referred_to(parts_of):
+    parts = parts_of(*QUICK, "memory=none")
+    missed = run_episode(parts, EpisodeRequest(seed=1, second_tries=0))
+    theme, *_ = missed.scene.obstacles()
+    plate = replace(
+        theme, id="plate", label="plate", colour="white", rgb=np.ones(3), shape="disc",
+        extents=np.array([0.2, 0.2, 0.02]), world_from_object=rigid(None, (0.5, 0.2, missed.scene.table_height + 0.01)),
+    )  # fmt: skip
+    before = replace(missed.scene, objects=(theme, plate))
+    plan = replace(
+        missed.plan, calls=(), remaining=(SkillCall("place", theme.id, "plate", relation="right_of"),)
+    )
+    part = replace(missed, scene=before, after_scene=None, plan=plan)
+    on_it = replace(
+        theme, id="o1", world_from_object=rigid(None, (0.5, 0.2, plate.top + 0.5 * theme.extents[2]))
+    )
+    beside = replace(on_it, world_from_object=rigid(None, (0.2, -0.2, 0.8)))
+    for obj, remembered in ((on_it, True), (beside, False)):
+        now = with_covered(replace(before, objects=(obj,)), part.afresh(parts=(part,)))
+        assert [o.label for o in now.objects[1:]] == ["plate"] * remembered
+    after = replace(part.afresh(parts=(part,)), observation=missed.observation)
+    scene = with_covered(replace(before, objects=(on_it,)), after)
+    (call,) = remaining_program(replace(after, scene=scene)).calls
+    assert (call.theme, scene[call.goal].label) == ("o1", "plate")
