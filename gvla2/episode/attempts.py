@@ -36,6 +36,8 @@ NO_MORE = ("not_started", "interrupted", "diverged")
 
 MOVED = 0.02
 """Distance by which a camera must have moved for its picture to show other things, metres."""
+TABLE_MOVED = 0.02
+"""Difference of two looks at the table's height above which the later one is wrong, metres: tables do not move."""
 SHORT = 0.3
 """Planned seconds of a motion below which starting and stopping count for more than its speed."""
 RISE = 0.10
@@ -322,7 +324,9 @@ def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionLis
 
     Returns "" or a sentence on what prevented it; the next attempt then starts from where the arm is.
     """
-    scene = attempt.after_scene or attempt.seen.scene
+    scene, before = attempt.after_scene, attempt.seen.scene
+    if scene is None or abs(scene.table_height - before.table_height) > TABLE_MOVED:
+        scene = before  # a camera on the hand saw something else as the table
     way = _way_home(robot, attempt.executed.after.world_from_tcp[:3, 3], scene)
     stopped = robot.execute(way, scene, listener).abort
     if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found
