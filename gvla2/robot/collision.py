@@ -196,10 +196,10 @@ def _link(solid: Any) -> str:
 
 
 def _solids(item: SceneObject) -> list[tuple[Any, FloatArray]]:
-    """Coal shapes, each with its pose (4, 4) in the world: the convex pieces of a large known object, which a hand may
-    reach into and an arm past, else one simple shape.
+    """Coal shapes, each with its pose (4, 4) in the world: the convex pieces of a large known object, which an arm may
+    reach past, else one simple shape. Of containers, whose decomposition takes minutes, the box is kept.
     """
-    if item.known is not None and float(item.extents.max()) > LARGE:
+    if item.known is not None and item.opening == 0.0 and float(item.extents.max()) > LARGE:
         with suppress(
             GeometryError, ModuleNotFoundError
         ):  # the scan's file is gone, or no CoACD: its box is known
