@@ -117,6 +117,7 @@ class ModelEyes:
     def view(self, name: str, size: int) -> View:
         """The picture with depth, metres, NaN beyond 5 m; the robot is not marked."""
         image, renderer = self.picture(name, size), self._renderer(size)
+        self._draw_shadows(renderer, False)
         renderer.enable_depth_rendering()
         depth = renderer.render()
         renderer.disable_depth_rendering()
@@ -125,11 +126,14 @@ class ModelEyes:
 
     def picture(self, name: str, size: int, shadows: bool = True) -> NDArray[np.uint8]:
         """(H, W, 3) what the camera sees; ``shadows`` cost most of the time."""
-        renderer, flags = self._renderer(size), self._mujoco.mjtRndFlag
+        renderer = self._renderer(size)
         renderer.update_scene(self.data, name, self._option)
-        for flag in (flags.mjRND_SHADOW, flags.mjRND_REFLECTION):
-            renderer.scene.flags[flag] = shadows
+        self._draw_shadows(renderer, shadows)
         return np.asarray(renderer.render())
+
+    def _draw_shadows(self, renderer: Any, shadows: bool) -> None:
+        for flag in (self._mujoco.mjtRndFlag.mjRND_SHADOW, self._mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = shadows
 
     def _renderer(self, size: int) -> Any:
         if size not in self._renderers:
