@@ -17,13 +17,11 @@ from gvla2.geometry.compiled import compiled
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import View
 from gvla2.perception.nearest import NearestPoints, closest_points, distance, nearest_index
-from gvla2.perception.scans import TRUNCATED, KnownScan
+from gvla2.perception.scans import TRUNCATED, TURNS, KnownScan
 from gvla2.planning.colours import appearance
 
 TALLER = 0.02
 """Metres by which a resting pose may differ in height from the seen surface."""
-TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
-"""(20, 3, 3) turns about the vertical that are tried for each resting pose."""
 COARSE, BACK, FINE = 60, 60, 200
 """Seen points, points of the scan's upper side, and seen points again: of a coarse start and of the refinement."""
 CHECKED = 40
@@ -90,6 +88,11 @@ class SeenPoints:
         return NearestPoints(self.points, TRUNCATED)
 
     @cached_property
+    def height(self) -> float:
+        """Of its highest points over the table, metres."""
+        return float(np.percentile(self.points[:, 2], 99.0)) - self.table
+
+    @cached_property
     def cut(self) -> bool:
         """Whether it reaches the edge of each picture that shows it: no camera sees all of its outline."""
         whole = []
@@ -143,17 +146,19 @@ def coarse_starts(
 
     None if no resting pose has the seen height, but for ``taller`` metres.
     """
-    top = float(np.percentile(seen.points[:, 2], 99.0)) - seen.table
-    heights = np.ptp(scan.corners @ scan.rests[:, 2].T, axis=0)
-    fits = np.abs(heights - top) <= taller
-    rests = scan.rests[fits]
-    if not len(rests):
+    turns, low, high = scan.lying
+    heights = high[:, 0, 2] - low[:, 0, 2]
+    fits = np.abs(heights - seen.height) <= taller
+    if not fits.any():
         return None
+    turns, low, high = (
+        turns[fits].reshape(-1, 3, 3),
+        low[fits].reshape(-1, 3),
+        high[fits].reshape(-1, 3),
+    )  # (P, 3)
     # What is clearly taller than a scan that stands on the table, or lower, stands a little above it, or is sunk.
-    rise = np.where(np.abs(top - heights) > NEAR, top - heights, 0.0)[fits].repeat(len(TURNS))
-    turns = (TURNS @ rests[:, None]).reshape(-1, 3, 3)  # (P, 3, 3)
-    lain = turns @ scan.corners.T  # (P, 3, H)
-    low, high = lain.min(axis=2), lain.max(axis=2)
+    off = (seen.height - heights)[fits].repeat(len(TURNS))
+    rise = np.where(np.abs(off) > NEAR, off, 0.0)
     # The scan's own outline is laid where the seen outline is; of one that pictures cut off, along each of its sides.
     seen_low, seen_high = seen.points[:, :2].min(axis=0), seen.points[:, :2].max(axis=0)
     shares = np.array([0.5]) if not seen.cut else np.array([0.0, 0.5, 1.0])
@@ -175,7 +180,7 @@ def coarse_starts(
     gaps = forth[checked] + np.where(upper.any(axis=1), back, TRUNCATED)
     best = np.argsort(gaps, kind="stable")
     # A can lies as well on its lid: each resting pose has a place among the best.
-    lying = checked[best] % (len(TURNS) * len(rests)) // len(TURNS)
+    lying = checked[best] % len(low) // len(TURNS)
     among = np.array([np.count_nonzero(lying[:k] == lying[k]) for k in range(len(best))])
     best = best[np.argsort(among >= ALIKE, kind="stable")][:POSES]
     return float(gaps[best[0]]), [rigid(turns[i], shifts[i]) for i in checked[best]]

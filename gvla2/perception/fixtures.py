@@ -141,7 +141,8 @@ def _correlated(grid: SeenGrid, points: FloatArray, yaw: float, floor: float) ->
     """(H, R, C) sum of the cells that a surface's points (M, 3), turned by ``yaw`` radians, meet when their origin is
     moved to each cell and their lowest, at ``floor`` metres, to each of :data:`LEVELS`.
     """
-    surface = np.zeros((len(grid.seen), *grid.size), dtype=np.float32)
+    height = min(len(grid.seen), int((points[:, 2].max() - floor) / CELL) + 1)
+    surface = np.zeros((height, *grid.size), dtype=np.float32)
     _fill(surface, points, np.cos(yaw), np.sin(yaw), floor)
     turned = fft.rfft2(surface, overwrite_x=True)
     products = np.zeros((len(LEVELS), *turned.shape[1:]), dtype=np.complex64)
@@ -167,9 +168,11 @@ def _fill(surface: NDArray[np.float32], points: FloatArray, cos: float, sin: flo
 def _add_products(
     seen: NDArray[np.complex64], turned: NDArray[np.complex64], rise: int, product: NDArray[np.complex64]
 ) -> None:
-    """Add to ``product`` (R, C) the correlation, over heights, of transforms (H, R, C), one raised by cells."""
-    height, rows, columns = seen.shape
-    for level in range(max(0, rise), min(height, height + rise)):
+    """Add to ``product`` (R, C) the correlation, over heights, of transforms (H, R, C) and (H', R, C), the second one
+    raised by ``rise`` cells.
+    """
+    _, rows, columns = seen.shape
+    for level in range(max(0, rise), min(len(seen), len(turned) + rise)):
         for row in range(rows):
             for column in range(columns):
                 product[row, column] += (
@@ -225,7 +228,7 @@ def opened(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> KnownScan:
 
         best = max(np.linspace(0.0, link.joint.reach, STEPS), key=score)
         best = max(np.linspace(max(0.0, best - step), min(link.joint.reach, best + step), STEPS), key=score)
-        if score(float(best)) > score(0.0) + OPEN_BY * len(own):
+        if best != link.joint.position and score(float(best)) > score(0.0) + OPEN_BY * len(own):
             scan = moved_scan(scan, number, float(best))
     return scan
 
