@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from gvla2.episode.attempts import (
     back_off,
     cameras_moved,
-    clear_view,
     hand_is_free,
     has_next_part,
+    last_look_stands,
     next_attempt,
     next_part,
     part_instruction,
@@ -282,13 +282,12 @@ def _set_up(record: EpisodeRecord, components: Components, request: EpisodeReque
 def _observe(
     record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
-    if record.attempts or record.parts:
-        moving = _moving(listener)
-        trouble = (
-            clear_view(components.robot, record.parts[-1], moving)
-            if record.parts
-            else back_off(components.robot, record.attempts[-1], moving)
-        )
+    if record.parts and last_look_stands(components.robot, record.parts[-1]):
+        last = record.parts[-1]
+        return replace(record, observation=last.after, scene=last.after_scene)
+    if record.parts or record.attempts:
+        before = record.parts[-1] if record.parts else record.attempts[-1]
+        trouble = back_off(components.robot, before, _moving(listener))
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
     return replace(record, observation=_look(components, request, 2 * _looks(record)))
 
@@ -319,6 +318,8 @@ def _looks(record: EpisodeRecord) -> int:
 def _perceive(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     if record.observation is None:
         raise RuntimeError("The episode has no observation: perceive was run too early.")
+    if record.scene is not None:  # that of the last part's look
+        return record
     return replace(record, scene=_perceived(record.observation, record, components))
 
 

@@ -224,7 +224,7 @@ def _sighted(
     depth: FloatArray,
 ) -> tuple[int, int, NDArray[np.int64]]:
     """:func:`visible` for one camera."""
-    shown, through, point, image = 0, 0, np.empty(3), np.empty(4)
+    shown, through, point = 0, 0, np.empty(3)
     found = np.empty((3, len(points)), np.int64)
     for n in range(len(points)):
         for k in range(3):
@@ -236,20 +236,28 @@ def _sighted(
             x, y, z = normals[n, 0], normals[n, 1], normals[n, 2]
             facing += (pose[k, 0] * x + pose[k, 1] * y + pose[k, 2] * z) * towards
             away += towards * towards
-        for k in range(4):
-            image[k] = lens[k, 0] * point[0] + lens[k, 1] * point[1] + lens[k, 2] * point[2] + lens[k, 3]
-        if facing <= 0.25 * np.sqrt(away) or image[3] <= 0.0:
+        if facing <= 0.25 * np.sqrt(away):
             continue
-        u, v = image[0] / image[2], image[1] / image[2]
-        if u < 0.0 or v < 0.0 or u >= depth.shape[1] or v >= depth.shape[0]:
+        u, v, ahead = pixel(lens, point[0], point[1], point[2])
+        if not (0.0 <= u < depth.shape[1] and 0.0 <= v < depth.shape[0]):
             continue
-        before = depth[int(v), int(u)] - image[3]  # NaN compares false: unknown says nothing
+        before = depth[int(v), int(u)] - ahead  # NaN compares false: unknown says nothing
         if abs(before) < NEAR:
             found[0, shown], found[1, shown], found[2, shown] = n, int(v), int(u)
             shown += 1
         elif before > GAP:
             through += 1
     return shown, through, found[:, :shown].copy()
+
+
+@compiled
+def pixel(lens: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Where a :attr:`Sight.lens` has a point, in pixels (NaN behind the camera), and the point's depth, metres."""
+    u = lens[0, 0] * x + lens[0, 1] * y + lens[0, 2] * z + lens[0, 3]
+    v = lens[1, 0] * x + lens[1, 1] * y + lens[1, 2] * z + lens[1, 3]
+    w = lens[2, 0] * x + lens[2, 1] * y + lens[2, 2] * z + lens[2, 3]
+    ahead = lens[3, 0] * x + lens[3, 1] * y + lens[3, 2] * z + lens[3, 3]
+    return (u / w, v / w, ahead) if ahead > 0.0 else (np.nan, np.nan, ahead)
 
 
 def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:

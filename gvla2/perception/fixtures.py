@@ -21,6 +21,7 @@ from gvla2.perception.fitting import (
     SeenPoints,
     Sights,
     judged,
+    pixel,
     refined,
     visible,
 )
@@ -116,17 +117,26 @@ def seen_grid(points: FloatArray, sights: Sights, table: float) -> SeenGrid | No
         int(fft.next_fast_len(int(n), real=True)) for n in cells[:, :2].max(axis=0) + MARGIN / CELL + 1
     )
     size = (int(cells[:, 2].max()) + 2, rows, columns)
-    height, row, column = np.indices(size)
-    middles = low + CELL * (np.stack([row, column, height], axis=-1).reshape(-1, 3) + 0.5)
-    free = np.zeros(len(middles), dtype=bool)
+    state = np.zeros(size, dtype=np.float32)
     for sight in sights:
-        uv, depth = sight.camera.project(middles)
-        inside = sight.camera.inside(uv)
-        across, down = np.floor(uv[inside]).astype(int).T
-        free[inside] |= sight.depth[down, across] > depth[inside] + BEHIND
-    state = np.where(free, -1.0, 0.0).astype(np.float32).reshape(size)
+        _mark_free(state, low, sight.lens, sight.depth)
     state[cells[:, 2], cells[:, 0], cells[:, 1]] = 1.0
     return SeenGrid(spread(points), low, (rows, columns), fft.rfft2(state))
+
+
+@compiled
+def _mark_free(state: NDArray[np.float32], low: FloatArray, lens: FloatArray, depth: FloatArray) -> None:
+    """Set those of the cells (H, R, C) to -1 through whose middles a camera looked."""
+    levels, rows, columns = state.shape
+    for level in range(levels):
+        z = low[2] + CELL * (level + 0.5)
+        for row in range(rows):
+            x = low[0] + CELL * (row + 0.5)
+            for column in range(columns):
+                u, v, ahead = pixel(lens, x, low[1] + CELL * (column + 0.5), z)
+                inside = 0.0 <= u < depth.shape[1] and 0.0 <= v < depth.shape[0]
+                if inside and depth[int(v), int(u)] > ahead + BEHIND:
+                    state[level, row, column] = -1.0
 
 
 def spread(points: FloatArray) -> FloatArray:
