@@ -215,19 +215,34 @@ def quoted_instruction(argv: Sequence[str]) -> list[str]:
         option, _, text = word.partition("=")
         plain = not sweeps and text not in ("", "null") and text[0] not in "'\""
         if word in ("-i", "--instruction"):
-            made.append(_quoted(next(words, "")))
+            made.append(f"instruction={_text(next(words, ''))}")
         elif option == "--instruction" or (option == "instruction" and plain):
-            made.append(_quoted(text))
+            made.append(f"instruction={_text(text)}")
         else:
             made.append(word)
     return made
 
 
-def _quoted(text: str) -> str:
-    """The override that sets this instruction; both Hydra and OmegaConf read a backslash before what it escapes."""
+def as_overrides(options: Mapping[str, Any]) -> list[str]:
+    """Hydra's overrides that set options, by their dotted names, to Python values."""
+    return [f"{name}={_written(value)}" for name, value in options.items()]
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, str | Path):
+        return _text(str(value))
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}:{_written(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_written, value)) + "]"
+    return {None: "null", True: "true", False: "false"}.get(value, repr(value))
+
+
+def _text(text: str) -> str:
+    """A text in Hydra's quotes; both Hydra and OmegaConf read a backslash before what it escapes."""
     escaped = re.sub(r"(\\*)('|\$\{)", r"\1\1\\\2", text)
     whole = re.sub(r"(\\+)$", r"\1\1", escaped)
-    return f"instruction='{whole}'"
+    return f"'{whole}'"
 
 
 def _is_override(word: str) -> bool:
