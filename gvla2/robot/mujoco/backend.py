@@ -16,9 +16,9 @@ from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.arm_from_urdf import ArmModel, UrdfArm, arm_from_urdf
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.executor import ExecutorOptions, execute
-from gvla2.robot.mujoco.description import world_from_base, write_urdf
+from gvla2.robot.mujoco.description import write_urdf
+from gvla2.robot.mujoco.objects import true_scene
 from gvla2.robot.mujoco.options import MujocoConfig
-from gvla2.robot.mujoco.truth import true_scene
 from gvla2.robot.mujoco.world import ModelEyes, World, WorldDriver
 from gvla2.robot.options import ArmConfig
 from gvla2.robot.report import ExecutionReport
@@ -92,7 +92,7 @@ class MujocoArm:
             )
         world = self._world_of(task or "")
         world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
-        base = world_from_base(world.model, world.data, world.names)
+        base = world.data.body(world.names.base)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]
         self._made = arm_from_urdf(
             ArmConfig(
@@ -101,8 +101,8 @@ class MujocoArm:
                 tool_link=world.names.tool,
                 gripper_joints=list(world.names.fingers),
                 home=home,
-                base_position=base[:3, 3].tolist(),
-                base_yaw=float(np.arctan2(base[1, 0], base[0, 0])),
+                base_position=base.xpos.tolist(),
+                base_yaw=float(np.arctan2(base.xmat[3], base.xmat[0])),
                 table_height=world.table_height,
                 workspace_low=world.workspace.low.tolist(),
                 workspace_high=world.workspace.high.tolist(),
@@ -162,9 +162,10 @@ class MujocoArm:
             if driver.time - shot < 1.0 / config.video_fps - 1e-9 or not driver.sane():
                 return
             shot = driver.time
-            listener.moment(Moment(driver.time, driver.joints, driver.width))
+            draw = eyes.draw_later(eyes.cameras[0], config.video_size)
+            listener.moment(Moment(driver.time, driver.joints, driver.width, draw))
             if listener.wants_frames:
-                listener.frame(eyes.picture(eyes.cameras[0], config.video_size, shadows=False))
+                listener.frame(draw())
 
         driver.film = (lambda: None) if listener is _SILENT else film
         options = ExecutorOptions(velocity_scale=0.9, acceleration=config.acceleration)
