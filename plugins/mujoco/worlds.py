@@ -28,17 +28,18 @@ class MjcfWorld:
             raise RobotError(f"robot.mjcf={config.mjcf} does not compile: {error}") from error
         self.data: Any = mujoco.MjData(self.model)
         self.names = ArmNames(config.base, config.tool, tuple(config.joints), tuple(config.fingers))
-        self.names.check(self.model)
         self.rate, self.steps, self.groups = config.rate, 0, tuple(config.geom_groups)
         self.workspace = Box(np.array(config.workspace_low), np.array(config.workspace_high))
         self.table_height, self.lag = config.table_height, 2.0 / np.sqrt(config.stiffness)
         self._settle_seconds = config.settle_seconds
-        self._servos = [self._servo_of(self.model.joint(name).id) for name in self.names.joints]
         try:
+            self._servos = [self._servo_of(self.model.joint(name).id) for name in self.names.joints]
             self._hand = [int(self.model.actuator(name).id) for name in config.gripper_actuators]
             self._key = int(self.model.key(config.keyframe).id) if config.keyframe else None
         except KeyError as error:
-            raise RobotError(f"robot.gripper_actuators or robot.keyframe: {error.args[0]}") from error
+            raise RobotError(
+                f"robot.joints, robot.gripper_actuators or robot.keyframe: {error.args[0]}"
+            ) from error
 
     def _servo_of(self, joint: int) -> int:
         model = self.model
