@@ -70,6 +70,18 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
     assert not (tmp_path / "second" / "banks").exists()
 
 
+def test_only_failures_are_filmed_where_only_these_are_wanted(registry, tmp_path):
+    place, done = tmp_path / "episodes" / "pick_and_lift" / "off_5", []
+    for slips in ([], ["robot.grip_force=0.1"]):
+        tasks = ["tasks=[pick_and_lift]", "arms=['off']", "layouts=[5]", "films=failures"]
+        assert run_bench(config_of(registry, tmp_path, *tasks, *slips), registry, tmp_path) == 1
+        (row,) = [row for row in rows_of(tmp_path) if row["profile"] == "relaxed"]
+        done.append(row["success"])
+        assert (place / "episode.mp4").is_file() is not row["success"]
+        assert bool(row["folder"]) is not row["success"]
+    assert done == [True, False]
+
+
 def test_the_work_of_a_process_that_died_is_done_again_and_counted_once(tmp_path):
     tasks = ["a", "b", str(tmp_path / "flag"), "c", "d"]
     answers = list(in_processes(dies_once, tasks, 2, tries=3))

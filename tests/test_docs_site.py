@@ -14,10 +14,9 @@ from types import ModuleType
 
 import pytest
 from hydra import compose, initialize_config_module
-from omegaconf import OmegaConf
 
 import gvla2
-from gvla2.commands.hydra_job import schemas
+from gvla2.commands.hydra_job import composed, schemas
 from gvla2.commands.plugins import options
 from gvla2.commands.run import run_episodes
 from gvla2.evaluation.config import SUITES
@@ -177,17 +176,9 @@ def test_the_planner_of_the_tutorial_does_what_it_says(
         r"^gvla2 run (planner=point .*)$", (ROOT / "docs" / "tutorial.md").read_text(), re.M
     )
     offered = load_plugins()
-    register(offered, schemas())
+    small = ["memory=none", "quiet=true", "robot.image_size=128", "robot.video_size=16"]
     try:
-        with initialize_config_module("gvla2.conf", version_base="1.3"):
-            words = [
-                *shlex.split(command),
-                "memory=none",
-                "quiet=true",
-                "robot.image_size=128",
-                "robot.video_size=16",
-            ]
-            config = OmegaConf.to_object(compose("run", overrides=words))
+        config, _ = composed("run", [*shlex.split(command), *small], offered)
         run_episodes(config, offered, tmp_path)
     finally:
         register(registry, schemas())

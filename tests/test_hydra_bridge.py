@@ -8,11 +8,14 @@ from typing import Any
 import hypothesis.strategies as st
 import pytest
 from hydra import compose, initialize_config_module
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from omegaconf import OmegaConf
 
-from gvla2.commands.hydra_job import schemas
+from gvla2.commands.hydra_job import composed as run_config
+from gvla2.commands.hydra_job import quoted_instruction, schemas
+from gvla2.errors import ConfigurationError
 from gvla2.plugins.hydra_config import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
 from gvla2.plugins.registry import Registry, load_plugins
 
@@ -89,3 +92,43 @@ def test_folder_names_are_short_and_safe(text: str):
     name = short_name(text)
     assert len(name) <= LONGEST_FOLDER_NAME
     assert not set(name) & set('/\\ \n:*?"<>|')
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["+mode=paper"], "'mode'. Did you mean 'branch.mode'?"),
+        (["++planner.trys=2"], "'planner.trys'. Did you mean 'planner.tries'?"),
+        (["+nonsense.x=1"], "'nonsense'."),
+    ],
+)
+def test_options_that_hydra_would_add_are_refused(words: list[str], message: str):
+    with pytest.raises(ConfigurationError) as error:
+        run_config("run", words)
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize("words", [["-i"], ["--instruction"], "--instruction={}", "instruction={}"])
+@given(
+    text=st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1).filter(
+        lambda t: t[0] not in "'\""
+    )
+)
+@settings(max_examples=25, deadline=None)
+def test_a_sentence_reaches_the_planner_as_it_was_typed(words: list[str] | str, text: str):
+    assume(text != "null")
+    argv = [*words, text] if isinstance(words, list) else [words.format(text)]
+    override = quoted_instruction(argv)
+    node = OmegaConf.create({"instruction": OverridesParser.create().parse_overrides(override)[0].value()})
+    assert node.instruction == text
+
+
+@pytest.mark.parametrize(
+    "text", ["lift the red cube, please", "it's #1!", "das große Rad", "红色 方块", "${x}", "a \\'b\\"]
+)
+def test_a_sentence_is_composed_as_it_was_typed(text: str):
+    assert run_config("run", quoted_instruction(["-i", text]))[0].instruction == text
+
+
+def test_a_sweep_over_sentences_stays_one():
+    assert quoted_instruction(["-m", "instruction=a,b"]) == ["-m", "instruction=a,b"]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import signal
 import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from gvla2.errors import Gvla2Error, UnknownComponentError, did_you_mean
+from gvla2.errors import ConfigurationError, Gvla2Error, UnknownComponentError, did_you_mean
+from gvla2.io.secrets import refuse_secrets
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind, register, register_resolvers
 from gvla2.plugins.kinds import KINDS, SLOTS
@@ -87,7 +89,7 @@ class HydraTask:
             self.registry = load_plugins()
         job = HydraConfig.get()
         try:
-            return self.function(OmegaConf.to_object(config), self.registry, Path(job.runtime.output_dir))
+            return self.function(typed(config), self.registry, Path(job.runtime.output_dir))
         except Exception as error:
             log.info("The job failed.", exc_info=True)
             if job.mode != RunMode.MULTIRUN:
@@ -113,10 +115,15 @@ def launch(command: str, configs: Mapping[str, type], function: JobFunction, arg
         if kind in (*KINDS, *SLOTS) and value.startswith("[") and "," in value:
             print(f"gvla2: {kind} takes one name; a sweep: -m {kind}={value.strip('[]')}", file=sys.stderr)
             return 2
+    if "instruction" in {each.name for each in fields(configs[command])}:
+        argv = quoted_instruction(argv)
     argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
     registry = _register(configs, configs[command])
     task = HydraTask(function, registry)
     try:
+        for word in argv:  # Hydra writes them into files before a job begins
+            option, _, value = word.lstrip("+~").partition("=")
+            refuse_secrets(option, value)
         with _terminable(), _command_line(f"gvla2 {command}", argv):
             # Only flags and presets ask for a sweep, to learn which Hydra composes a configuration more.
             if any(not _is_override(word) or word.startswith(_MAY_SWEEP) for word in argv):
@@ -145,7 +152,44 @@ def composed(
     schema = schemas()[command]
     registry = _register({command: schema}, schema, registry)
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
-        return OmegaConf.to_object(hydra.compose(command, list(overrides))), registry
+        return typed(hydra.compose(command, quoted_instruction(overrides))), registry
+
+
+def typed(config: DictConfig) -> Any:
+    """The configuration as its dataclass.
+
+    Raises :class:`ConfigurationError` for options that no component has: Hydra lets ``+name=`` and ``++name=`` add any;
+    and for a password or an access key in one.
+    """
+    refuse_secrets("", OmegaConf.to_container(config, resolve=True, enum_to_str=True))
+    made = OmegaConf.to_object(config)
+    there = list(_options(made))
+    for path in _unknown(made):
+        own = path.rpartition(".")[2]
+        same = [other for other in there if other.rpartition(".")[2] == own]
+        hint = f" Did you mean '{same[0]}'?" if same else did_you_mean(path, there)
+        raise ConfigurationError(f"There is no option '{path}'.{hint} --help lists what there is.")
+    return made
+
+
+def _options(made: Any, path: str = "") -> Iterator[str]:
+    """The dotted names of all options of a dataclass and of those within it."""
+    for each in fields(made):
+        name, value = f"{path}{each.name}", getattr(made, each.name)
+        if is_dataclass(value):
+            yield from _options(value, f"{name}.")
+        else:
+            yield name
+
+
+def _unknown(made: Any, path: str = "") -> Iterator[str]:
+    """The dotted names of what the dataclass, or one within it, holds beside its fields."""
+    known = {each.name for each in fields(made)}
+    for name, value in vars(made).items():
+        if name not in known:
+            yield f"{path}{name}"
+        elif is_dataclass(value):
+            yield from _unknown(value, f"{path}{name}.")
 
 
 def _register(configs: Mapping[str, type], schema: type, registry: Registry | None = None) -> Registry:
@@ -164,6 +208,47 @@ def _run_once(command: str, task: HydraTask, argv: Sequence[str]) -> None:
         application = GlobalHydra.instance().hydra
         assert application is not None
         application.run(command, task, list(argv))
+
+
+def quoted_instruction(argv: Sequence[str]) -> list[str]:
+    """The arguments with ``-i TEXT``, ``--instruction TEXT`` and, outside of sweeps, ``instruction=TEXT`` quoted.
+
+    Hydra's grammar would otherwise take a sentence's commas, apostrophes and brackets for its own.
+    """
+    sweeps = any(word in ("-m", "--multirun") for word in argv)
+    words, made = iter(argv), []
+    for word in words:
+        option, _, text = word.partition("=")
+        plain = not sweeps and text not in ("", "null") and text[0] not in "'\""
+        if word in ("-i", "--instruction"):
+            made.append(f"instruction={_text(next(words, ''))}")
+        elif option == "--instruction" or (option == "instruction" and plain):
+            made.append(f"instruction={_text(text)}")
+        else:
+            made.append(word)
+    return made
+
+
+def as_overrides(options: Mapping[str, Any]) -> list[str]:
+    """Hydra's overrides that set options, by their dotted names, to Python values."""
+    return [f"{name}={_written(value)}" for name, value in options.items()]
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, str | Path):
+        return _text(str(value))
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}:{_written(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_written, value)) + "]"
+    return {None: "null", True: "true", False: "false"}.get(value, repr(value))
+
+
+def _text(text: str) -> str:
+    """A text in Hydra's quotes; both Hydra and OmegaConf read a backslash before what it escapes."""
+    escaped = re.sub(r"(\\*)('|\$\{)", r"\1\1\\\2", text)
+    whole = re.sub(r"(\\+)$", r"\1\1", escaped)
+    return f"'{whole}'"
 
 
 def _is_override(word: str) -> bool:

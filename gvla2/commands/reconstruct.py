@@ -104,6 +104,7 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
     Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
     """
     from gvla2.reconstruction.branch import BranchComponents, refine_geometry
+    from gvla2.record.origin import origin_of
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction import STATES, ReconstructionRecord, ReconstructionRecorder, summary_line
     from gvla2.record.reconstruction_measures import measure
@@ -114,7 +115,9 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
             given = read_inputs(config)
         views, size = given.views, given.views[0].camera
         steps.report("read", f"{count(len(views), 'view')} of {given.name}, {size.width} x {size.height}")
-        recorder = ReconstructionRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)))
+        recorder = ReconstructionRecorder(
+            folder, OmegaConf.to_yaml(OmegaConf.structured(config)), origin_of(config, "reconstruct")
+        )
         built = registry.build_all(config, KINDS)
 
         with steps.step("reconstruct"):

@@ -6,13 +6,15 @@ import logging
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hydra.errors import HydraException
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.commands import sweeps
 from gvla2.errors import ConfigurationError, Gvla2Error, kept_alive
@@ -20,6 +22,7 @@ from gvla2.evaluation.config import ResultsConfig
 from gvla2.plugins.assembly import build_components
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind
+from gvla2.plugins.registry import load_plugins
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.record.text import count, printable
 from gvla2.robot.options import DepthNoise
@@ -160,11 +163,12 @@ def run_episodes(
     from gvla2.episode.loop import EpisodeRequest
     from gvla2.episode.record import ABANDONED, planner_crashed
     from gvla2.io.files import write_text
+    from gvla2.record.origin import origin_of
     from gvla2.record.page import write_index, write_summary
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
 
-    composed = OmegaConf.to_yaml(OmegaConf.structured(config))
+    composed, origin = OmegaConf.to_yaml(OmegaConf.structured(config)), origin_of(config, "run")
     if config.episodes > 1:
         write_text(folder / "config.yaml", composed)
     records: list[EpisodeRecord] = []
@@ -181,7 +185,7 @@ def run_episodes(
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
             source = "/".join(target.parts[-_SOURCE_FOLDERS:])
             request = EpisodeRequest(seed=config.seed + number, source=source, **options)
-            listener = EpisodeReporter(RunRecorder(target, composed, command="run"), progress)
+            listener = EpisodeReporter(RunRecorder(target, composed, "run", origin), progress)
             record = _run_one(components, request, listener, count_crashes=count_crashes)
             progress.finish(record, target)
             records.append(record)
@@ -270,6 +274,31 @@ class Tracking:
             message = printable(describe(error))
             log.warning("%s failed and is no longer used: %s", self._named(who), message)
             log.info("The error:", exc_info=error)
+
+
+def run_here(options: Mapping[str, Any], folder: Path | str | None) -> EpisodeRecord:
+    """:func:`gvla2.run`."""
+    from gvla2.commands.hydra_job import as_overrides, composed, explain
+
+    registry = load_plugins()
+    try:
+        config, _ = composed("run", as_overrides({"quiet": True, **options}), registry)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ConfigurationError(explain(error, registry)) from error
+    if config.episodes != 1:
+        raise ConfigurationError("gvla2.run runs one episode: loop over seed, or use `gvla2 run episodes=N`.")
+    if folder is not None:
+        return run_episodes(config, registry, Path(folder))[0]
+    from gvla2.episode.loop import EpisodeRequest, run_episode
+    from gvla2.episode.record import ABANDONED
+
+    components = build_components(config, registry, branch=config.branch)
+    with closing(components.robot), closing(components.memory):
+        request = EpisodeRequest(seed=config.seed, **{name: getattr(config, name) for name in _OF_EPISODE})
+        record = run_episode(components, request)
+    if record.failure is not None and record.failure.kind in ABANDONED:
+        raise Gvla2Error(f"{record.failure.message} (stage: {record.failure.stage})")
+    return record
 
 
 def main(argv: Sequence[str]) -> int:

@@ -147,15 +147,14 @@ def _translated(call: SkillCall, now: Mapping[str, str], scene: Scene) -> SkillC
     return replace(call, theme=now.get(call.theme, ""), goal=now.get(call.goal, ""))
 
 
-def clear_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
-    """Move the hand out of the cameras' view before the next look, if it is in it.
-
-    Returns "" or a sentence on what prevented it.
+def last_look_stands(robot: RobotBackend, part: EpisodeRecord) -> bool:
+    """Whether a part ended with a look for which the opened hand was out of the cameras' view: the next part needs no
+    look of its own.
     """
     after = part.executed.after
     rest = robot.arm.forward(robot.arm.home)[:3, 3]
     away = float(np.linalg.norm(after.world_from_tcp[:3, 3] - rest))
-    return "" if away <= AT_HOME and after.gripper > 0.95 else back_off(robot, part, listener)
+    return part.after_scene is not None and away <= AT_HOME and after.gripper > 0.95
 
 
 def cameras_moved(before: Observation, after: Observation) -> bool:

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from gvla2.episode.attempts import (
     back_off,
     cameras_moved,
-    clear_view,
     hand_is_free,
     has_next_part,
+    last_look_stands,
     least_seconds,
     next_attempt,
     next_part,
@@ -38,6 +38,7 @@ from gvla2.episode.attempts import (
     should_try_again,
     with_covered,
 )
+from gvla2.episode.closer_look import camera_on_arm, closer_look
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.episode.lessons import memory_task, stories_of, transcript
 from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
@@ -45,11 +46,12 @@ from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage,
 from gvla2.episode.refine import GeometryComponents, refine_scene
 from gvla2.errors import Gvla2Error, SimulationError, kept_alive
 from gvla2.geometry.exchange import read_only
-from gvla2.geometry.views import Observation
+from gvla2.geometry.transform import invert_rigid
+from gvla2.geometry.views import Observation, Views
 from gvla2.memory.admission import answer_of, verdict_of
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verifier
-from gvla2.planning.asking import perceive
-from gvla2.planning.contracts import Perceiver, Planner
+from gvla2.planning.asking import look_again, perceive
+from gvla2.planning.contracts import LooksCloser, Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.planning.skill import Skill
@@ -184,7 +186,7 @@ def run_episode(
         ("perceive", lambda r: _perceive(r, components)),
         ("reconstruct", lambda r: _reconstruct(r, components)),
         ("recall", lambda r: _recall(r, components)),
-        ("plan", lambda r: _planner(r, components, request).plan(r)),
+        ("plan", lambda r: _plan(r, components, request, listener)),
         ("check", lambda r: _planner(r, components, request).check(r)),
         ("execute", lambda r: _execute(r, components, request, listener)),
         ("verify", lambda r: _verify(r, components)),
@@ -322,8 +324,10 @@ def _observe(
     record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
     if record.attempts or record.parts:
-        moving = _moving(listener)
-        trouble = clear_view(components.robot, previous(record), moving)
+        last = previous(record)
+        if (record.parts or record.second_try) and last_look_stands(components.robot, last):
+            return replace(record, observation=last.after, scene=last.after_scene)
+        trouble = back_off(components.robot, last, _moving(listener))
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
     return replace(record, observation=_look(components, request, 2 * _looks(record)))
 
@@ -340,9 +344,9 @@ def _moving(
     return ExecutionListener(**heard)
 
 
-def _look(components: Components, request: EpisodeRequest, number: int) -> Observation:
+def _look(components: Components, request: EpisodeRequest, *number: int) -> Observation:
     """The robot's observation, with the noise of this look."""
-    noise = np.random.default_rng([request.seed, number])
+    noise = np.random.default_rng([request.seed, *number])
     return read_only(apply_noise(components.robot.observe(), request.depth_noise, noise, request.seed))
 
 
@@ -354,7 +358,8 @@ def _looks(record: EpisodeRecord) -> int:
 def _perceive(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     if record.observation is None:
         raise RuntimeError("The episode has no observation: perceive was run too early.")
-    scene = _perceived(record.observation, record, components)
+    # That of the last motion's look, where that stands.
+    scene = record.scene or _perceived(record.observation, record, components)
     return replace(record, scene=with_covered(scene, record))
 
 
@@ -380,6 +385,56 @@ def _recall(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
     context, skipped = with_sound_effects(context)
     return replace(record, recalled=context, notes=record.notes + notes + skipped)
+
+
+def _plan(
+    record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
+) -> EpisodeRecord:
+    """Plan; where nothing seen is what was asked for, look closer at what has no name, and plan again."""
+    record = _planner(record, components, request).plan(record)
+    perceiver, observation = components.perceiver, record.seen.observation
+    camera, looks = camera_on_arm(observation), 0
+    if camera is None or not isinstance(perceiver, LooksCloser):
+        return record
+    tcp_from_camera = invert_rigid(observation.world_from_tcp) @ camera.world_from_camera
+    seen_from = [view.camera.position for view in observation.views]
+    while record.failure is not None and record.failure.kind == "nothing_matches":
+        scene, began = record.seen.scene, time.perf_counter()
+        wanted = perceiver.to_look_at(scene, looks)
+        look = closer_look(
+            wanted, scene, components.robot.arm, record.seen.observation, tcp_from_camera, seen_from
+        )
+        if look is None:
+            break
+        observation.pictured()  # the finer pictures of this moment must be taken before the arm moves
+        stopped = components.robot.execute(look.trajectory, scene, _moving(listener)).abort
+        if stopped is not None:
+            note = f"No closer look at {look.object.id}: {stopped.message or stopped.abort}"
+            return replace(record, notes=(*record.notes, note))
+        looks += 1
+        now = _look(components, request, 2 * _looks(record), looks)
+        nearer = next(view for view in now.views if view.name == camera.name)
+        scene = look_again(
+            perceiver, scene, replace(now, views=Views((nearer,))), components.named("perceiver")
+        )
+        note = f"Looked closer at {look.object.id}, {look.object.label}, in {time.perf_counter() - began:.1f} s: "
+        note += f"{names}." if (names := _newly_named(record.seen.scene, scene)) else "no name is seen."
+        record = replace(
+            record,
+            scene=scene,
+            observation=replace(now, views=observation.views, finer=observation.finer),
+            notes=(*record.notes, note),
+            failure=None,
+        )
+        seen_from.append(nearer.camera.position)
+        record = _planner(record, components, request).plan(record)
+    return record
+
+
+def _newly_named(before: Scene, now: Scene) -> str:
+    """The names that objects have now and had not before, listed."""
+    named = {o.id: o.label for o in before.objects}
+    return ", ".join(f"{o.id} is {o.label}" for o in now.objects if named.get(o.id) != o.label)
 
 
 def _planner(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> PlannerWithFallback:

@@ -65,19 +65,21 @@ def require_among(place: str, given: Collection[str], known: Collection[str], wh
 def named_tasks(config: RobotBench, registry: Registry) -> list[str]:
     """The bench's ``tasks``, each once; one with a star, ``suite/*``, stands for those that the robot offers so.
 
-    Raises :class:`ConfigurationError` for a pattern that no task of the robot matches.
+    Raises :class:`ConfigurationError` for a task of a suite, or a pattern, that the robot does not offer.
     """
-    if not any("*" in name for name in config.tasks):
+    own = [name for name in config.tasks if OWN_TASK in name or "*" in name]
+    if not own:
         return list(dict.fromkeys(config.tasks))
     with closing(registry.build({"robot": config.robot, "camera": config.camera}, "robot")) as robot:
         offered = list(robot.tasks()) if isinstance(robot, OffersTasks) else []
     found: dict[str, None] = {}
     for name in config.tasks:
-        matching = fnmatch.filter(offered, name) if "*" in name else [name]
+        matching = fnmatch.filter(offered, name) if name in own else [name]
         if not matching:
-            listed = ", ".join(offered[:20]) or "no tasks of its own"
+            suites = dict.fromkeys(f"{task.partition(OWN_TASK)[0]}{OWN_TASK}*" for task in offered)
             raise ConfigurationError(
-                f"robot={config.robot.name} has no task like '{name}'. It offers: {listed}."
+                f"robot={config.robot.name} has no task like '{name}'.{did_you_mean(name, [*offered, *suites])} "
+                f"It offers: {', '.join(suites) or 'no tasks of its own'} (`gvla2 tasks robot={config.robot.name}`)."
             )
         found |= dict.fromkeys(matching)
     return list(found)

@@ -180,17 +180,19 @@ def in_processes(
     """Call a module's function on every task in fresh processes; answers come as they are ready, each task's once.
 
     A task's first exception cancels tasks that have not started; Ctrl-C, SIGTERM and an exception of the caller stop
-    running ones too. When a process dies, the tasks without an answer are done in new processes, ``tries`` times in
-    all; then :class:`Gvla2Error` is raised.
+    running ones too. When a process dies, the tasks without an answer are done in new processes; after ``tries`` deaths
+    without an answer between them :class:`Gvla2Error` is raised.
     """
-    left = dict(enumerate(tasks))
-    for attempt in range(1, tries + 1):
+    left, deaths = dict(enumerate(tasks)), 0
+    while True:
+        before = len(left)
         try:
             for place, answer in _once(function, left, workers):
                 yield left.pop(place), answer
             return
         except BrokenProcessPool as error:
-            if attempt == tries:
+            deaths = deaths + 1 if len(left) == before else 1
+            if deaths == tries:
                 raise Gvla2Error(
                     "A worker process died; it may have run out of memory. Finished measurements are kept; run again "
                     "with fewer: workers=1."

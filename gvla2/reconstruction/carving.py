@@ -152,7 +152,9 @@ def frusta_bounds(silhouettes: Sequence[Silhouette]) -> FloatArray | None:
     every mask fills its whole image.
     """
     if all(s.cut.all() for s in silhouettes):
-        raise GeometryError("Every mask fills its whole image: nothing bounds the object.")
+        raise GeometryError(
+            "Every mask fills its whole image: nothing bounds the object. Are the masks inverted?"
+        )
     status, bounds = _box(np.array([row for s in silhouettes for row in _sides(s)]))
     if status == "open":
         # A mask that is cut on a side ends there for want of anything better.

@@ -32,11 +32,15 @@ class SuccessCheck:
 class Moment:
     """The measured robot at the time of a frame: ``time`` in seconds of a monotonic clock, ``joints`` (dof,) in
     radians, ``gripper_width`` in metres.
+
+    ``draw`` makes that frame, (H, W, 3) uint8, whenever it is called until the robot's next reset: a film that few will
+    see is only drawn for them. None for a robot that cannot.
     """
 
     time: float
     joints: NDArray[np.float64]
     gripper_width: float
+    draw: Callable[[], NDArray[np.uint8]] | None = None
 
 
 @runtime_checkable

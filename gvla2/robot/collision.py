@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.errors import GeometryError, RobotError
+from gvla2.errors import GeometryError, RobotError, reading
 from gvla2.geometry.transform import FloatArray, box_corners
 from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
@@ -262,10 +262,7 @@ def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
     become their convex hull. Raises :class:`RobotError` when a mesh can't be read.
     """
     pin, coal = library("pinocchio"), library("coal")
-    try:
-        source = pin.buildGeomFromUrdf(kinematics.model, str(urdf), pin.GeometryType.COLLISION)
-    except ValueError as error:
-        raise RobotError(f"The collision meshes of {urdf.name} can't be read: {error}") from error
+    source = pin.buildGeomFromUrdf(kinematics.model, str(urdf), pin.GeometryType.COLLISION)
     merged = pin.GeometryModel()
 
     def add(frame: int, placement: Any, shape: Any) -> None:
@@ -298,12 +295,12 @@ hulls, not colliding."""
 
 def disabled(srdf: Path, reason: str = "") -> set[Pair]:
     """The pairs whose checks an SRDF disables, for a ``reason`` ("Default": overlap at the default posture)."""
-    pairs = ET.parse(srdf).getroot().iter("disable_collisions")
-    return {
-        frozenset((pair.get("link1", ""), pair.get("link2", "")))
-        for pair in pairs
-        if reason in ("", pair.get("reason"))
-    }
+    with reading("an SRDF", srdf, RobotError):
+        return {
+            frozenset((pair.get("link1", ""), pair.get("link2", "")))
+            for pair in ET.parse(srdf).getroot().iter("disable_collisions")
+            if reason in ("", pair.get("reason"))
+        }
 
 
 def usually_close(kinematics: Kinematics, robot: Any, hand: Set[str]) -> set[Pair]:

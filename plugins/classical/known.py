@@ -120,6 +120,8 @@ def _two(
 ) -> list[tuple[Recognised, NDArray[np.bool_]]]:
     """Two known objects that touch and together explain a body: points (N, 3), and which (N,) are of each; or none."""
     plan = spread(points)[:, :2]
+    if len(plan) < 2:  # as small as that it is one
+        return []
     middle = plan.mean(axis=0)
     along = np.linalg.svd(plan - middle, full_matrices=False)[2][0] * plan.std()
     ends = kmeans2(plan, np.stack([middle - along, middle + along]), minit="matrix")[0]

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from gvla2.geometry.transform import rigid
+from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.io.files import write_whole
-from gvla2.robot.mujoco.description import add_joint, painted
+from gvla2.robot.mujoco.description import add_joint
+from gvla2.robot.mujoco.objects import drawn_objects, moving_part
 from gvla2.robot.mujoco.stepping import DRAWN, silent
-from gvla2.robot.mujoco.truth import model_joint, moving_body, part_label
 from gvla2_plugins.libero.worlds import bddl_files
 
 SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
@@ -25,7 +25,7 @@ SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10")
 def write_gallery(folder: Path, suites: Sequence[str] = SUITES) -> list[str]:
     """Write the objects and fixtures that the suites' tasks name, from the package's meshes; returns their names.
 
-    A rigid one is NAME.glb, one with joints NAME.urdf with a mesh for each link in the folder NAME.
+    A rigid one is NAME.glb, one with joints NAME.urdf with LINK.glb for each link in the folder NAME.
     """
     files = [file for task, file in bddl_files().items() if task.partition("/")[0] in suites]
     with silent():
@@ -60,42 +60,35 @@ def _write(folder: Path, name: str, model: Any) -> None:
 
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    drawn: dict[int, list[Any]] = {}
-    for body in range(1, model.nbody):
-        if meshes := painted(model, data, body, DRAWN):
-            drawn.setdefault(moving_body(model, body), []).extend(meshes)
-    root = int(model.body_rootid[model.nbody - 1])
+    ((root, drawn),) = drawn_objects(model, data, DRAWN).items()
     if set(drawn) == {root}:
-        scene = trimesh.Scene(drawn[root])
-        scene.apply_transform(rigid(_TURN))
-        scene.export(folder / f"{name}.glb")
+        _export(folder / f"{name}.glb", drawn[root], np.zeros(3))
         return
     robot = ET.Element("robot", name=name)
-    for owner in sorted({root, *drawn}):
-        label = "base" if owner == root else _link_name(model, data, owner, name, drawn[owner])
+    for body in sorted({root, *drawn}):
+        label, origin = "base", np.zeros(3)
+        if body != root:
+            part, number = moving_part(model, data, body, drawn[body]), int(model.body_jntadr[body])
+            label, origin = part.name.replace(" ", "_"), data.xanchor[number]
+            kind = "prismatic" if part.joint.slides else "revolute"
+            pose, limits = rigid(translation=origin), model.jnt_range[number]
+            add_joint(robot, f"{label}_joint", kind, ("base", label), pose, data.xaxis[number], limits)
         link = ET.SubElement(robot, "link", name=label)
-        origin = np.zeros(3) if owner == root else data.xanchor[model.body_jntadr[owner]]
-        for number, mesh in enumerate(drawn.get(owner, [])):
-            file = folder / name / f"{label}_{number}" / "mesh.obj"
-            file.parent.mkdir(parents=True, exist_ok=True)
-            mesh.apply_translation(-origin)
-            mesh.export(file)
-            shape = ET.SubElement(ET.SubElement(link, "visual"), "geometry")
-            ET.SubElement(shape, "mesh", filename=file.relative_to(folder).as_posix())
-        if owner != root:
-            joint = int(model.body_jntadr[owner])
-            kind = "prismatic" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "revolute"
-            ends, pose = ("base", label), rigid(translation=origin)
-            add_joint(robot, f"{label}_joint", kind, ends, pose, data.xaxis[joint], model.jnt_range[joint])
+        if body in drawn:
+            file = f"{name}/{label}.glb"
+            _export(folder / file, drawn[body], origin)
+            ET.SubElement(ET.SubElement(ET.SubElement(link, "visual"), "geometry"), "mesh", filename=file)
     ET.indent(robot)
     write_whole(folder / f"{name}.urdf", ET.tostring(robot))
 
 
+def _export(file: Path, meshes: Sequence[Any], origin: FloatArray) -> None:
+    """A GLB file, whose frame has Y up, of meshes about ``origin`` (3,)."""
+    scene = trimesh.Scene(meshes)
+    scene.apply_transform(rigid(_TURN) @ rigid(translation=-origin))
+    file.parent.mkdir(parents=True, exist_ok=True)
+    scene.export(file)
+
+
 _TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """(3, 3) from our frame to that of GLB, Y up."""
-
-
-def _link_name(model: Any, data: Any, body: int, whole: str, meshes: Sequence[Any]) -> str:
-    joint = model_joint(model, data, int(model.body_jntadr[body]))
-    points = np.concatenate([mesh.vertices for mesh in meshes])
-    return part_label(model.body(body).name, whole.split("_"), joint, points).replace(" ", "_")

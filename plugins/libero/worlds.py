@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.mujoco.backend import MujocoArm
-from gvla2.robot.mujoco.stepping import EnvWorld, import_robosuite, joint_controller, silent
+from gvla2.robot.mujoco.stepping import OPTIONS, EnvWorld, hand_of, import_robosuite, silent
+from gvla2.robot.mujoco.world import import_mujoco
 from gvla2_plugins.libero import LiberoConfig
 
 CAPS = {"libero_spatial": 220, "libero_object": 280, "libero_goal": 300, "libero_10": 520}
@@ -29,7 +31,7 @@ HEADROOM = 0.75
 
 def import_benchmark() -> Any:
     """LIBERO's list of suites; raises :class:`MissingDependencyError` without the package."""
-    import_robosuite("1.4", "robot=libero", "libero")
+    import_robosuite("libero")
     try:
         with silent():
             from libero.libero import benchmark
@@ -89,8 +91,9 @@ class LiberoWorld(EnvWorld):
             states = import_benchmark().get_benchmark_dict()[suite]().get_task_init_states(int(number))
             problem = TASK_MAPPING[get_problem_info(str(file))["problem_name"]]
             np.random.seed(0)
-            env = problem(str(file), robots=["Panda"], **self.options(joint_controller(config.stiffness)))
+            env = problem(str(file), robots=["Panda"], **OPTIONS)
         self._states, self._settle_steps, self._task = np.asarray(states), config.settle_steps, task
+        self._mujoco, self._stiffness = import_mujoco(), config.stiffness
         low, high = (np.array(corner) + env.workspace_offset[:2] for corner in REACH)
         height = 0.0 if "floor" in env.workspace_name else float(env.workspace_offset[2])
         super().__init__(
@@ -100,8 +103,28 @@ class LiberoWorld(EnvWorld):
             workspace=Box(np.array([*low, height]), np.array([*high, height + HEADROOM])),
             table_height=height,
             stiffness=config.stiffness,
+            hand_stride=hand_of(env).speed * _substeps(env),  # with every step of the physics
             max_steps=config.max_steps or _cap(suite),
         )
+
+    def advance(self, joints: FloatArray, closing: float) -> None:
+        """The physics of one control step, the joints driven as by robosuite's JOINT_POSITION controller.
+
+        Its own loop evaluates the model three times a physics step, to the same end; robosuite 1.5 does it once, too.
+        """
+        mujoco, model, data, robot = self._mujoco, self.model, self.data, self.robot
+        at, moving = robot._ref_joint_pos_indexes, robot._ref_joint_vel_indexes
+        motors, limits = robot._ref_joint_actuator_indexes, robot.torque_limits
+        pull, weighed = np.zeros(model.nv), np.zeros(model.nv)
+        for _ in range(_substeps(self.env)):
+            mujoco.mj_step1(model, data)
+            off, speed = joints - data.qpos[at], data.qvel[moving]
+            pull[moving] = self._stiffness * off - 2 * np.sqrt(self._stiffness) * speed
+            mujoco.mj_mulM(model, data, weighed, pull)
+            data.ctrl[motors] = np.clip(weighed[moving] + data.qfrc_bias[moving], *limits)
+            robot.grip_action(self.hand, [closing])
+            mujoco.mj_step2(model, data)
+        self.env._post_process()  # burners that glow
 
     def begin(self, seed: int) -> None:
         """The benchmark's initial state of that number; raises :class:`ConfigurationError` for one it lacks."""
@@ -113,6 +136,10 @@ class LiberoWorld(EnvWorld):
         self.env.sim.set_state_from_flattened(self._states[seed])
         self.env.sim.forward()
         self.settle(self._settle_steps)
+
+
+def _substeps(env: Any) -> int:
+    return round(env.control_timestep / env.model_timestep)
 
 
 def _cap(suite: str) -> int:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.errors import RobotError
+from gvla2.errors import RobotError, reading
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.mujoco.description import ArmNames
@@ -22,23 +22,22 @@ class MjcfWorld:
 
     def __init__(self, config: MjcfConfig) -> None:
         self._mujoco = mujoco = import_mujoco()
-        try:
+        with reading("robot.mjcf", config.mjcf, RobotError):
             self.model: Any = mujoco.MjModel.from_xml_path(str(Path(config.mjcf).expanduser()))
-        except ValueError as error:
-            raise RobotError(f"robot.mjcf={config.mjcf} does not compile: {error}") from error
         self.data: Any = mujoco.MjData(self.model)
         self.names = ArmNames(config.base, config.tool, tuple(config.joints), tuple(config.fingers))
-        self.names.check(self.model)
         self.rate, self.steps, self.groups = config.rate, 0, tuple(config.geom_groups)
         self.workspace = Box(np.array(config.workspace_low), np.array(config.workspace_high))
         self.table_height, self.lag = config.table_height, 2.0 / np.sqrt(config.stiffness)
         self._settle_seconds = config.settle_seconds
-        self._servos = [self._servo_of(self.model.joint(name).id) for name in self.names.joints]
         try:
+            self._servos = [self._servo_of(self.model.joint(name).id) for name in self.names.joints]
             self._hand = [int(self.model.actuator(name).id) for name in config.gripper_actuators]
             self._key = int(self.model.key(config.keyframe).id) if config.keyframe else None
         except KeyError as error:
-            raise RobotError(f"robot.gripper_actuators or robot.keyframe: {error.args[0]}") from error
+            raise RobotError(
+                f"robot.joints, robot.gripper_actuators or robot.keyframe: {error.args[0]}"
+            ) from error
 
     def _servo_of(self, joint: int) -> int:
         model = self.model

@@ -40,7 +40,7 @@ def _build(config: RobosuiteConfig) -> RobotBackend:
     from gvla2.robot.mujoco.stepping import import_robosuite
     from gvla2_plugins.robosuite.worlds import SENTENCES, RobosuiteWorld
 
-    import_robosuite("1.5", "robot=robosuite", "robosuite")
+    import_robosuite("robosuite")
     return MujocoArm(config, SENTENCES, lambda task: RobosuiteWorld(task, config))
 
 

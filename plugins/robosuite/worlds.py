@@ -10,7 +10,7 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.planning.scene import Box
-from gvla2.robot.mujoco.stepping import EnvWorld, import_robosuite, joint_controller, silent
+from gvla2.robot.mujoco.stepping import OPTIONS, EnvWorld, hand_of, import_robosuite, silent
 from gvla2_plugins.robosuite import RobosuiteConfig
 
 SUITE = "robosuite/"
@@ -40,12 +40,14 @@ class RobosuiteWorld(EnvWorld):
     """One task, laid out by a seed."""
 
     def __init__(self, task: str, config: RobosuiteConfig) -> None:
-        robosuite = import_robosuite("1.5", "robot=robosuite", "robosuite")
+        robosuite = import_robosuite("robosuite")
         if config.arm not in robosuite.ALL_ROBOTS:
             raise ConfigurationError(
                 f"robot.arm={config.arm} is no robot of robosuite: {', '.join(robosuite.ALL_ROBOTS)}."
             )
-        arm = {**joint_controller(config.stiffness), "input_type": "absolute", "gripper": {"type": "GRIP"}}
+        span = {"input_max": 10, "input_min": -10, "output_max": 10, "output_min": -10}  # radians in and out
+        law = {"type": "JOINT_POSITION", "input_type": "absolute", **span, "kp": config.stiffness}
+        arm = {**law, "interpolation": None, "gripper": {"type": "GRIP"}}
         name = task.removeprefix(SUITE)
         # The sizes of objects are drawn once, here: from numpy's global state until 1.5.1, then from a seed.
         own = "seed" in inspect.signature(robosuite.environments.REGISTERED_ENVS[name]).parameters
@@ -55,7 +57,8 @@ class RobosuiteWorld(EnvWorld):
                 name,
                 robots=config.arm,
                 gripper_types=config.gripper,
-                **self.options({"type": "BASIC", "body_parts": {"right": arm}}),
+                controller_configs={"type": "BASIC", "body_parts": {"right": arm}},
+                **OPTIONS,
                 **({"seed": 0} if own else {}),
             )
         super().__init__(
@@ -65,6 +68,7 @@ class RobosuiteWorld(EnvWorld):
             workspace=Box(np.array(LOW), np.array(HIGH)),
             table_height=TABLE,
             stiffness=config.stiffness,
+            hand_stride=hand_of(env).speed,  # with every step of control
             max_steps=config.max_steps,
         )
         self._settle_steps = config.settle_steps

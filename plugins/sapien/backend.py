@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.component import check_ranges
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
@@ -76,14 +77,14 @@ class Filming:
     def __init__(self, listener: ExecutionListener) -> None:
         self._listener = listener
         self._studio = ThreadPoolExecutor(1, "film")
-        self._awaited: deque[Future[list[View]]] = deque()
+        self._awaited: deque[Future[NDArray[np.uint8]]] = deque()
 
-    def shoot(self, moment: Moment, sight: Callable[[], list[View]]) -> None:
+    def shoot(self, moment: Moment) -> None:
         """Report the moment, and have its frame drawn if frames are wanted; those that are ready go to the listener."""
         self._listener.moment(moment)
-        if not self._listener.wants_frames:
+        if not self._listener.wants_frames or moment.draw is None:
             return
-        self._awaited.append(self._studio.submit(sight))
+        self._awaited.append(self._studio.submit(moment.draw))
         while self._awaited and self._awaited[0].done():
             self._deliver()
 
@@ -96,7 +97,7 @@ class Filming:
                 self._deliver()
 
     def _deliver(self) -> None:
-        self._listener.frame(self._awaited.popleft().result()[0].image)
+        self._listener.frame(self._awaited.popleft().result())
 
 
 class SapienArm:
@@ -173,8 +174,9 @@ class SapienArm:
         def film() -> None:
             name, size = self._config.cameras[0], self._config.video_size
             view = self._cell.camera(name, size, self._arm.forward(world.joints))
+            sight = self._sight()
             reel.shoot(
-                Moment(world.time, world.joints.copy(), world.gripper_width), partial(self._sight(), [view])
+                Moment(world.time, world.joints.copy(), world.gripper_width, lambda: sight([view])[0].image)
             )
 
         driver = SapienDriver(

@@ -16,7 +16,7 @@ import numpy as np
 
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import is_ajar, knob_of
-from gvla2.robot.mujoco.truth import true_scene
+from gvla2.robot.mujoco.objects import true_scene
 from gvla2_plugins.libero import LiberoConfig
 from gvla2_plugins.libero.worlds import LiberoWorlds
 from gvla2_plugins.skill.planner import read

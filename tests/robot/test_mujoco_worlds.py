@@ -83,6 +83,55 @@ def test_an_episode_begins_alike_whatever_the_last_one_did_with_the_hand():
 
 
 @LIBERO
+def test_joints_are_driven_as_by_the_environments_own_controller(monkeypatch):
+    from gvla2_plugins.libero import worlds
+
+    span = {"input_max": 10, "input_min": -10, "output_max": 10, "output_min": -10}
+    law = {"type": "JOINT_POSITION", **span, "kp": 600.0, "interpolation": None}
+    monkeypatch.setattr(worlds, "OPTIONS", {**worlds.OPTIONS, "controller_configs": law})
+    robot, ends = _parts("robot=libero", "task=libero_object/3").robot, []
+    robot.reset("libero_object/3", 0)
+    world = robot._world
+    joints, own = world.robot._ref_joint_pos_indexes, world.advance
+    target = world.data.qpos[joints] + np.linspace(-0.3, 0.4, 7)
+
+    def theirs(to, closing):
+        world.robot.controller.update(
+            force=True
+        )  # by itself it begins from the posture before the initial state
+        world.env.step(np.append(to - world.data.qpos[joints], closing))
+
+    for world.advance in (theirs, own):
+        robot.reset("libero_object/3", 0)
+        for step in range(40):
+            world.step(target, float(step < 10))
+        ends.append(np.concatenate([world.data.qpos, world.data.qvel]))
+    assert np.abs(ends[0][joints] - target).max() < 0.05
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-6)
+    robot.close()
+
+
+@LIBERO
+def test_a_film_is_drawn_after_the_motion_as_it_was_seen_on_the_way():
+    parts = _parts("robot=libero", "task=libero_object/3", "perceiver=oracle", "robot.video_fps=1")
+    frames, moments = [], []
+
+    class Both(SilentListener):
+        def frame(self, image):
+            frames.append(image)
+
+        def moment(self, moment):
+            moments.append(moment)
+
+    run_episode(parts, EpisodeRequest(seed=0), Both())
+    later = [moment.draw() for moment in reversed(moments)][::-1]
+    assert len(later) == len(frames) > 5
+    assert all(np.array_equal(one, other) for one, other in zip(frames, later, strict=True))
+    assert not np.array_equal(later[0], later[-1])
+    parts.robot.close()
+
+
+@LIBERO
 def test_what_does_not_exist_is_said_with_what_does():
     parts = _parts("robot=libero", "task=libero_object/3")
     with pytest.raises(ConfigurationError, match="initial states 0 to 49"):
@@ -111,4 +160,4 @@ def test_an_episode_of_robosuite_lifts_the_cube():
 def test_the_wrong_robosuite_is_refused_with_both_ways_out(monkeypatch):
     monkeypatch.setattr(stepping, "version", lambda name: "1.5.2")
     with pytest.raises(ConfigurationError, match=r"needs robosuite 1\.4.*gvla2\[libero\]"):
-        stepping.import_robosuite("1.4", "robot=libero", "libero")
+        stepping.import_robosuite("libero")

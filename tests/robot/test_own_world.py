@@ -1,6 +1,7 @@
 """A world that somebody else built, as a robot backend with tasks of its own."""
 
 import json
+import re
 from contextlib import closing
 from dataclasses import replace
 from itertools import product
@@ -127,5 +128,8 @@ def test_a_bench_takes_the_robots_tasks_by_a_pattern(tmp_path: Path):
     run_bench(config, registry, tmp_path / "out")
     rows = json.loads((tmp_path / "out" / "result.json").read_text())["rows"]
     assert {row["instruction"] for row in rows} == set(SENTENCES.values())
-    with pytest.raises(ConfigurationError, match="no task like 'garden/"):
-        designs(replace(config, tasks=["garden/*"]), registry)
+    for wrong in ("garden/*", "kitchen/9"):
+        with pytest.raises(
+            ConfigurationError, match=rf"no task like '{re.escape(wrong)}.*offers: kitchen/\*"
+        ):
+            designs(replace(config, tasks=[wrong]), registry)

@@ -35,6 +35,8 @@ VERSION = 2
 EXPLORATION = "robot_exploration"
 """The name under which the results database stores the arms' experience."""
 PROFILES = ("relaxed", "strict")
+TRUE_SCENE = "oracle"
+"""The perceiver that reads the simulator's state."""
 FAMILY = ", family "
 """Between a task and the number of a family in a row's name."""
 STRIDE = 10_000
@@ -275,10 +277,21 @@ def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:
         **{kind: described(getattr(config, kind)) for kind in ("robot", "perceiver", "verifier")},
         "planner": planner_label(config),
         "model": _model(config, registry),
+        "given": _given(config),
         "depth_noise": noise_label(config.depth_noise),
         "scale": str(config.scale),
         **{name: value for name, value in optional.items() if value},
     }
+
+
+def _given(config: RobotBench) -> str:
+    """What the robot perceives by, which a reader must know before comparing: the simulator's own objects, known
+    meshes, or neither.
+    """
+    if config.perceiver.name == TRUE_SCENE:
+        return "true scene: no perception, a diagnosis"
+    known = "known objects (meshes)" if getattr(config.perceiver, "gallery", "") else "no gallery"
+    return f"{len(getattr(config.robot, 'cameras', ()))} cameras with depth, {known}, no training"
 
 
 def _learning_label(config: RobotBench) -> str:

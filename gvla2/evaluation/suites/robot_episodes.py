@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 import time
 from collections.abc import Iterator, Mapping
@@ -10,8 +11,6 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from omegaconf import OmegaConf
 
 from gvla2.episode.lessons import stories_of
@@ -37,11 +36,13 @@ from gvla2.plugins.registry import Registry
 from gvla2.record.recorder import RunRecorder
 from gvla2.robot.backend import Moment
 
+log = logging.getLogger(__name__)
+
 EXPLORED = "exploration"
 """The arm whose episodes the others learn from: it varies the planner's theta and recalls nothing."""
-NOT_MEASURED = ("timeout", "unavailable", VOID)
-"""Kinds of failure that do not count against an arm: its planner timed out, its model was unavailable, or the simulated
-world blew up."""
+NOT_MEASURED = ("timeout", "unavailable", "setup", VOID)
+"""Kinds of failure that do not count against an arm: its planner timed out, its model was unavailable, it could not be
+set up, or the simulated world blew up."""
 UNSEEN = ("nothing_matches", "ambiguous", "perception")
 
 
@@ -94,53 +95,42 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
             components = replace(components, planner=_exploring(unit, registry, components))
         record, seconds = _run(unit, components)
         explored = tuple(stories_of(record, components.skills)) if exploring else ()
-    if failure_class(record) == "error":
+    if failure_class(record) in ("error", "setup"):
         release()
     return cells_of(unit, record, seconds, explored)
 
 
-class _Latest(SilentListener):
-    """Keeps the latest record of an episode."""
+class _Watched(SilentListener):
+    """Keeps the latest record of an episode and the moments of its motion, whose frames are drawn if it is written."""
 
     record: EpisodeRecord | None = None
+
+    def __init__(self) -> None:
+        self._moments: list[Moment] = []
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
         """Keep the record."""
         self.record = record
 
-
-class _Filmed(_Latest):
-    """Also writes the episode's folder, with its film and page."""
-
-    def __init__(self, folder: Path, config: RobotBench) -> None:
-        self._recorder = RunRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)), command="bench")
-
-    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
-        """Write what the stage found."""
-        super().stage(record, stage)
-        self._recorder.stage(record, stage)
-
     def moment(self, moment: Moment) -> None:
-        """The robot's state at the next frame."""
-        self._recorder.moment(moment)
+        """Keep the robot's state at a frame."""
+        self._moments.append(moment)
 
-    def frame(self, image: NDArray[np.uint8]) -> None:
-        """A frame (H, W, 3) of the moving robot."""
-        self._recorder.frame(image)
-
-    def finish(self, *, failures_only: bool) -> None:
-        """Complete the folder, or remove that of a success where only failures are kept."""
+    def write(self, folder: Path, config: RobotBench) -> None:
+        """The episode's folder, with its film and page."""
         assert self.record is not None
-        self._recorder.finish(self.record)
-        check = self.record.success_check
-        if failures_only and check is not None and check.relaxed:
-            shutil.rmtree(self._recorder.folder)
+        recorder = RunRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)), command="bench")
+        for moment in self._moments:
+            image = recorder.attempt("A frame of the film", moment.draw) if moment.draw is not None else None
+            if image is not None:
+                recorder.moment(moment)
+                recorder.frame(image)
+        recorder.finish(self.record)
 
 
 def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, float]:
-    """The episode's record, and its seconds."""
-    config, arm = unit.config, unit.arm
-    listener = _Latest() if unit.folder is None else _Filmed(unit.folder, config)
+    """The episode's record, and its seconds without those of its folder."""
+    config, arm, listener = unit.config, unit.arm, _Watched()
     request = EpisodeRequest(
         seed=unit.layout,
         source=f"{unit.subject}-{arm.name}-{unit.layout}",
@@ -154,8 +144,11 @@ def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, floa
         run_episode(components, request, listener)
     seconds = time.perf_counter() - started
     assert listener.record is not None
-    if isinstance(listener, _Filmed):
-        listener.finish(failures_only=config.films == "failures")
+    if unit.folder is not None:
+        shutil.rmtree(unit.folder, ignore_errors=True)  # of an earlier try
+        check = listener.record.success_check
+        if config.films == "all" or not (check and check.relaxed):
+            listener.write(unit.folder, config)
     return listener.record, round(seconds, 3)
 
 
@@ -168,6 +161,8 @@ def cells_of(
     why = failure_class(record) or ("" if relaxed else "unnoticed")
     message = record.failure.message if record.failure else ""
     measured = why not in NOT_MEASURED
+    if not measured:
+        log.warning("%s, layout %d is not measured (%s): %s", unit.subject, unit.layout, why, message)
     notes: dict[str, Any] = {
         "status": "ok" if measured else f"not measured: {why}",
         "layout": unit.layout,
@@ -186,7 +181,7 @@ def cells_of(
 
 
 def failure_class(record: EpisodeRecord) -> str:
-    """Where an episode that did not reach its goal went wrong, in one of ten words; "" for no failure.
+    """Where an episode that did not reach its goal went wrong, in one of eleven words; "" for no failure.
 
     ``unnoticed``: the robot's own verifier saw nothing wrong. ``not_achieved``: it ran to its end and noticed the
     failure. ``unavailable``: the planner's model did not answer; the plan, if any, was another's.
@@ -197,11 +192,13 @@ def failure_class(record: EpisodeRecord) -> str:
         return "unavailable"
     if failure is None:
         return ""
+    if failure.stage == "setup":
+        return "setup"
     if failure.kind in NOT_MEASURED:
         return failure.kind
     if failure.kind in ("crashed", "error", "interrupted"):
         return "error"
-    if failure.stage in ("setup", "observe", "perceive", "reconstruct") or failure.kind in UNSEEN:
+    if failure.stage in ("observe", "perceive", "reconstruct") or failure.kind in UNSEEN:
         return "perception"
     if failure.stage == "execute":
         return "grasp" if failure.kind == "slipped" else "execution"

@@ -47,8 +47,8 @@ EFFECT = (
 FAILURES = (
     "Failures by cause, where the relaxed goal was not reached (unnoticed: the robot's own verifier saw nothing wrong; "
     "abstained: the planner found no plan), and how often the verifier agreed with the simulator where it was sure. "
-    "An episode is not measured if the planner did not answer in time, or its language model was unavailable; it is "
-    "not counted, and measured again next time."
+    "An episode is not measured if it could not be set up, its simulated world blew up, the planner did not answer in "
+    "time, or its language model was unavailable; it is not counted, and measured again next time."
 )
 
 NOT_REPORTED = SheetCell(("",), none=True)
@@ -96,7 +96,9 @@ def _of_setting(
         whole = {name: some for name, some in groups.items() if set(some) <= set(suites)}
         whole = whole or {"all suites": suites}
         sheets.append(_by_suite(columns, suites, whole, published, f"{title}: success by suite"))
-    sheets += [_success(columns, tasks, profile, f"{title}: success, {profile}") for profile in PROFILES]
+    # A robot's own task has one success check: both profiles are the same.
+    profiles = PROFILES if any("/" not in task for task in tasks) else PROFILES[:1]
+    sheets += [_success(columns, tasks, one, f"{title}: success, {one}") for one in profiles]
     for found in grouped(cells, *PLANNER).values():
         if len(grouped(found, "arm")) > 1:
             sheets.append(_effects(found, f"{_title(found, (*SETTING, *PLANNER))}: what memory adds"))
@@ -154,7 +156,7 @@ def _by_suite(
             lines[name].append(_rate(by_suite[name], 0))
         for name, members in groups.items():
             lines[name].append(_rate([cell for one in members for cell in by_suite[one]], 0))
-        lines["given"].append(text_cell("see the title"))
+        lines["given"].append(text_cell(", ".join(given for (given,) in grouped(some, "given"))))
     others = {name: one for name, one in published.items() if not lines.keys().isdisjoint(one["success"])}
     for one in others.values():
         for name in (*suites, *groups):

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError, did_you_mean
 from gvla2.geometry.views import Observation, View, Viewpoint, Views
@@ -15,9 +16,9 @@ from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.arm_from_urdf import ArmModel, UrdfArm, arm_from_urdf
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.executor import ExecutorOptions, execute
-from gvla2.robot.mujoco.description import world_from_base, write_urdf
+from gvla2.robot.mujoco.description import write_urdf
+from gvla2.robot.mujoco.objects import true_scene
 from gvla2.robot.mujoco.options import MujocoConfig
-from gvla2.robot.mujoco.truth import true_scene
 from gvla2.robot.mujoco.world import ModelEyes, World, WorldDriver
 from gvla2.robot.options import ArmConfig
 from gvla2.robot.report import ExecutionReport
@@ -27,7 +28,7 @@ JUDGE_STEPS = 100
 """Steps, within those that the world allows, that the arm holds still before a task counts as failed: what was let go
 must come to rest, and LIBERO's objects fall slowly."""
 PAUSE, PAUSES = 2, 20
-"""Steps between two pictures that are compared, and how often they are at most."""
+"""Steps between two depth maps that are compared, and how often they are at most."""
 MOVED, FEW = 0.001, 0.001
 """Metres of depth by which a pixel shows motion, and the share of pixels that may."""
 
@@ -91,7 +92,7 @@ class MujocoArm:
             )
         world = self._world_of(task or "")
         world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
-        base = world_from_base(world.model, world.data, world.names)
+        base = world.data.body(world.names.base)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]
         self._made = arm_from_urdf(
             ArmConfig(
@@ -100,8 +101,8 @@ class MujocoArm:
                 tool_link=world.names.tool,
                 gripper_joints=list(world.names.fingers),
                 home=home,
-                base_position=base[:3, 3].tolist(),
-                base_yaw=float(np.arctan2(base[1, 0], base[0, 0])),
+                base_position=base.xpos.tolist(),
+                base_yaw=float(np.arctan2(base.xmat[3], base.xmat[0])),
                 table_height=world.table_height,
                 workspace_low=world.workspace.low.tolist(),
                 workspace_high=world.workspace.high.tolist(),
@@ -115,14 +116,10 @@ class MujocoArm:
         The first look waits until the cameras see nothing move: initial states may have objects that still fall.
         """
         driver, eyes, made = self._ready("observed")
-        size, first = self._config.image_size, driver.world.steps == 0
+        size = self._config.image_size
+        if driver.world.steps == 0:
+            self._wait_until_still(driver, eyes)
         looks = [eyes.view(name, size) for name in eyes.cameras]
-        for _ in range(PAUSES if first else 0):
-            before = looks
-            driver.hold(PAUSE)
-            looks = [eyes.view(name, size) for name in eyes.cameras]
-            if not any(_differ(one, other) for one, other in zip(before, looks, strict=True)):
-                break
         joints, width = driver.joints, driver.width
         views = made.mask(looks, joints, width)
         opening = float(np.clip(width / made.arm.hand.max_width, 0.0, 1.0))
@@ -136,6 +133,17 @@ class MujocoArm:
             self._finer(eyes) if self._config.picture_size > size else None,
             viewpoint,
         )
+
+    def _wait_until_still(self, driver: WorldDriver, eyes: ModelEyes) -> None:
+        """Hold the arm until no camera sees a change of depth."""
+        size = self._config.image_size
+        now = [eyes.depth(name, size) for name in eyes.cameras]
+        for _ in range(PAUSES):
+            before = now
+            driver.hold(PAUSE)
+            now = [eyes.depth(name, size) for name in eyes.cameras]
+            if not any(_differ(one, other) for one, other in zip(before, now, strict=True)):
+                break
 
     def _finer(self, eyes: ModelEyes) -> Callable[[str], View]:
         """A function that takes a camera's picture of this moment with more pixels, for as long as nothing moves."""
@@ -154,9 +162,10 @@ class MujocoArm:
             if driver.time - shot < 1.0 / config.video_fps - 1e-9 or not driver.sane():
                 return
             shot = driver.time
-            listener.moment(Moment(driver.time, driver.joints, driver.width))
+            draw = eyes.draw_later(eyes.cameras[0], config.video_size)
+            listener.moment(Moment(driver.time, driver.joints, driver.width, draw))
             if listener.wants_frames:
-                listener.frame(eyes.picture(eyes.cameras[0], config.video_size, shadows=False))
+                listener.frame(draw())
 
         driver.film = (lambda: None) if listener is _SILENT else film
         options = ExecutorOptions(velocity_scale=0.9, acceleration=config.acceleration)
@@ -203,8 +212,6 @@ class MujocoArm:
         return self._driver, self._eyes, self._made
 
 
-def _differ(one: View, other: View) -> bool:
-    """Whether something moved between two pictures of a camera."""
-    assert one.depth is not None
-    assert other.depth is not None
-    return bool((np.abs(one.depth - other.depth) > MOVED).mean() > FEW)
+def _differ(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    """Whether something moved between two depth maps (H, W) of a camera, metres."""
+    return bool((np.abs(one - other) > MOVED).mean() > FEW)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
@@ -34,15 +33,13 @@ class ArmNames:
 
     def check(self, model: Any) -> None:
         """Raises :class:`RobotError` for a name that the model lacks, with the names that it has."""
-        bodies = {model.body(i).name for i in range(model.nbody)}
-        joints = {model.joint(i).name for i in range(model.njnt)}
-        missing = {self.base, self.tool} - bodies, {*self.joints, *self.fingers} - joints
-        for what, names, there in zip(("bodies", "joints"), missing, (bodies, joints), strict=True):
-            if names:
-                raise RobotError(
-                    f"The model has no {what} {sorted(names)}, by which its arm would be driven. It has: "
-                    f"{', '.join(sorted(filter(None, there)))}."
-                )
+        try:
+            for body in (self.base, self.tool):
+                model.body(body)
+            for joint in (*self.joints, *self.fingers):
+                model.joint(joint)
+        except KeyError as error:
+            raise RobotError(f"The arm's names do not fit its model: {error.args[0]}") from error
 
 
 def robot_bodies(model: Any, base: str) -> list[int]:
@@ -52,12 +49,6 @@ def robot_bodies(model: Any, base: str) -> list[int]:
         if model.body_parentid[body] in mine:
             mine.append(body)
     return mine
-
-
-def world_from_base(model: Any, data: Any, names: ArmNames) -> FloatArray:
-    """(4, 4) of the arm's base body now."""
-    base = data.body(names.base)
-    return rigid(base.xmat.reshape(3, 3), base.xpos)
 
 
 def write_urdf(model: Any, names: ArmNames, speed: float) -> Path:
@@ -190,74 +181,6 @@ def mesh_of(model: Any, mesh: int) -> tuple[FloatArray, Any]:
     vertices = np.asarray(model.mesh_vert[first : first + model.mesh_vertnum[mesh]], dtype=np.float64)
     faces = np.asarray(model.mesh_face[face : face + model.mesh_facenum[mesh]], dtype=np.int64)
     return vertices, faces
-
-
-TEXTURE = 512
-"""Longest side of a texture, pixels: recognition samples 3000 points."""
-
-
-def painted(model: Any, data: Any, body: int, groups: Sequence[int]) -> list[Any]:
-    """What is drawn of a body as trimeshes, world, metres: meshes with their textures, the rest in the mean colour."""
-    import trimesh
-
-    made = []
-    for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
-        if model.geom_group[geom] not in groups or model.geom_rgba[geom][3] == 0:
-            continue
-        material, image = int(model.geom_matid[geom]), None
-        rgba = np.array(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material])
-        texture = -1 if material < 0 else int(np.ravel(model.mat_texid[material]).max())
-        if texture >= 0:
-            size = (int(table[texture]) for table in (model.tex_height, model.tex_width, model.tex_nchannel))
-            height, width, depth = size
-            first = int(model.tex_adr[texture])
-            pixels = np.asarray(model.tex_data[first : first + height * width * depth])
-            image = Image.fromarray(pixels.reshape(height, width, depth)[..., :3])
-            image.thumbnail((TEXTURE, TEXTURE))
-        shape, uv = _drawn_shape(model, geom)
-        if shape is None:
-            continue
-        if image is None:
-            uv = None
-        elif uv is None:
-            rgba[:3] *= np.asarray(image).reshape(-1, 3).mean(axis=0) / 255
-            image = None
-        paint = np.rint(255 * np.array([*rgba[:3], 1.0])).astype(np.uint8)
-        material = trimesh.visual.material.PBRMaterial(baseColorTexture=image, baseColorFactor=paint)
-        shape.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
-        shape.apply_transform(rigid(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]))
-        made.append(shape)
-    return made
-
-
-def _drawn_shape(model: Any, geom: int) -> tuple[Any, Any]:
-    """A geom as a trimesh in its own frame, None for a plane; texture coordinates (V, 2) of a mesh that has them."""
-    import trimesh
-    from mujoco import mjtGeom
-
-    kind, size = model.geom_type[geom], np.asarray(model.geom_size[geom])
-    if kind == mjtGeom.mjGEOM_PLANE:
-        return None, None
-    if kind == mjtGeom.mjGEOM_BOX:
-        return trimesh.creation.box(2 * size), None
-    if kind == mjtGeom.mjGEOM_CYLINDER:
-        return trimesh.creation.cylinder(size[0], 2 * size[1]), None
-    if kind == mjtGeom.mjGEOM_CAPSULE:
-        return trimesh.creation.capsule(2 * size[1], size[0]), None
-    if kind != mjtGeom.mjGEOM_MESH:
-        ball = trimesh.creation.icosphere(radius=1.0)
-        ball.apply_scale(size if kind == mjtGeom.mjGEOM_ELLIPSOID else size[:1].repeat(3))
-        return ball, None
-    mesh = int(model.geom_dataid[geom])
-    vertices, faces = mesh_of(model, mesh)
-    corners, uv = faces.ravel(), None
-    if model.mesh_texcoordnum[mesh] > 0:
-        face, at = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
-        indices = np.asarray(model.mesh_facetexcoord[face : face + len(faces)]).ravel()
-        # MuJoCo counts rows of a picture from above.
-        uv = model.mesh_texcoord[at : at + model.mesh_texcoordnum[mesh]][indices] * [1, -1] + [0, 1]
-    alone = np.arange(len(corners)).reshape(-1, 3)
-    return trimesh.Trimesh(vertices[corners], alone, process=False), uv
 
 
 def _rotation(quaternion: Any) -> Rotation:

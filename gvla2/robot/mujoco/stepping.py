@@ -6,8 +6,9 @@ import contextlib
 import io
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -25,21 +26,24 @@ DRAWN: tuple[int, ...] = (1,)
 """Group of the geoms that robosuite draws; group 0 are collision shapes."""
 
 
-def import_robosuite(wanted: str, needed_by: str, extra: str) -> Any:
-    """Robosuite of the version that begins with ``wanted``.
+WANTED = {"libero": "1.4", "robosuite": "1.5"}
+"""Version of robosuite that each robot needs; the two cannot be in one environment."""
 
-    Raises :class:`MissingDependencyError` without it and :class:`ConfigurationError` with another: 1.4 and 1.5 cannot
-    be in one environment.
+
+def import_robosuite(robot: str) -> Any:
+    """Robosuite for ``robot=libero`` or ``robot=robosuite``.
+
+    Raises :class:`MissingDependencyError` without it and :class:`ConfigurationError` with another version.
     """
     try:
         found = version("robosuite")
     except PackageNotFoundError:
-        raise MissingDependencyError("robosuite", needed_by, f'pip install "gvla2[{extra}]"') from None
-    if not found.startswith(f"{wanted}."):
+        raise MissingDependencyError("robosuite", f"robot={robot}", f'pip install "gvla2[{robot}]"') from None
+    if not found.startswith(f"{WANTED[robot]}."):
         raise ConfigurationError(
-            f"{needed_by} needs robosuite {wanted}, and this environment has {found}. robot=libero needs 1.4 and "
-            "robot=robosuite 1.5, which exclude each other: make an environment for each, with gvla2[libero] in one "
-            "and gvla2[robosuite] in the other."
+            f"robot={robot} needs robosuite {WANTED[robot]}, and this environment has {found}. robot=libero needs 1.4 "
+            "and robot=robosuite 1.5, which exclude each other: make an environment for each, with gvla2[libero] in "
+            "one and gvla2[robosuite] in the other."
         )
     import_mujoco()
     with silent():
@@ -64,8 +68,24 @@ def silent() -> Iterator[None]:
             logger.disabled = before
 
 
+OPTIONS: Mapping[str, Any] = MappingProxyType(
+    {
+        "has_renderer": False,
+        "has_offscreen_renderer": False,
+        "use_camera_obs": False,
+        "control_freq": RATE,
+        "ignore_done": True,
+        "hard_reset": False,
+    }
+)
+"""Of an environment that draws nothing itself, loads its model once and ends no episode."""
+
+
 class EnvWorld:
-    """A world (:class:`gvla2.robot.mujoco.world.World`) around an environment that was made with :meth:`options`."""
+    """A world (:class:`gvla2.robot.mujoco.world.World`) around an environment that was made with :data:`OPTIONS`.
+
+    A control step moves the command of its hand, from -1 (closed) to 1, by ``hand_stride``.
+    """
 
     rate, groups = RATE, DRAWN
 
@@ -78,63 +98,37 @@ class EnvWorld:
         workspace: Box,
         table_height: float,
         stiffness: float,
-        max_steps: int = 0,
+        hand_stride: float,
+        max_steps: int,
     ) -> None:
         self.env, self.instruction, self.goal = env, instruction, goal
         self.workspace, self.table_height, self.max_steps = workspace, table_height, max_steps
         self.lag: float = 2.0 / np.sqrt(stiffness)  # of a critically damped joint
-        self.steps, self._reached = 0, False
+        self.steps, self._reached, self._sent = 0, False, 0.0
         self.model, self.data = env.sim.model._model, env.sim.data._data
-        self.names = self._named()
-        self._absolute = hasattr(env.robots[0], "composite_controller")  # since 1.5
+        self._stride, self.hand_steps = hand_stride, round(2 / hand_stride)
         for observed in env.observation_names:  # nobody reads them, and they take longer than the physics
             env.modify_observable(observed, "enabled", False)
-        self._sent = 0.0  # where the hand's command is, from -1 (closed) to 1
-        # Version 1.4 moves it with every step of the physics, 1.5 with every step of control.
-        self._stride = self._hand.speed * (
-            1 if self._absolute else round(env.control_timestep / env.model_timestep)
-        )
-        self.hand_steps = round(2 / self._stride)
-
-    @staticmethod
-    def options(controller: dict[str, Any]) -> dict[str, Any]:
-        """Of an environment that draws nothing itself, loads its model once and ends no episode."""
-        return {
-            "controller_configs": controller,
-            "has_renderer": False,
-            "has_offscreen_renderer": False,
-            "use_camera_obs": False,
-            "control_freq": RATE,
-            "ignore_done": True,
-            "hard_reset": False,
-        }
-
-    def _named(self) -> ArmNames:
-        robot, hand = self.env.robots[0], self._hand
-        prefix = hand.naming_prefix
-        bodies = [self.model.body(i).name for i in range(self.model.nbody)]
-        tool = next((b for b in bodies if b == f"{prefix}right_gripper"), bodies[-1])
-        return ArmNames("robot0_base", tool, tuple(robot.robot_joints), tuple(hand.joints))
-
-    @property
-    def _hand(self) -> Any:
-        gripper = self.env.robots[0].gripper
-        return gripper["right"] if isinstance(gripper, dict) else gripper
+        self.robot, self.hand = env.robots[0], hand_of(env)
+        tool = f"{self.hand.naming_prefix}right_gripper"
+        self.names = ArmNames("robot0_base", tool, tuple(self.robot.robot_joints), tuple(self.hand.joints))
 
     def step(self, joints: FloatArray, opening: float) -> None:
         """One control step; the hand's command moves by its own speed, up or down."""
         off = 2 * opening - 1 - self._sent
         sign = 0.0 if abs(off) < 0.5 * self._stride else float(np.sign(off))
         self._sent = float(np.clip(self._sent + sign * self._stride, -1.0, 1.0))
-        indexes = self.env.robots[0]._ref_joint_pos_indexes
-        here = np.zeros(len(joints)) if self._absolute else self.data.qpos[indexes]
-        self.env.step(np.append(joints - here, -sign))
+        self.advance(joints, -sign)
         self.steps += 1
         self._reached = self._reached or bool(self.env._check_success())
 
+    def advance(self, joints: FloatArray, closing: float) -> None:
+        """The physics of one control step towards joints (dof,); the hand closes (1), stays (0) or opens (-1)."""
+        self.env.step(np.append(joints, closing))
+
     def settle(self, steps: int) -> None:
         """Let the objects come to rest with the arm held, uncounted."""
-        joints = np.array(self.data.qpos[self.env.robots[0]._ref_joint_pos_indexes])
+        joints = np.array(self.data.qpos[self.robot._ref_joint_pos_indexes])
         self._sent = 0.0
         for _ in range(steps):
             self.step(joints, 1.0)
@@ -149,13 +143,13 @@ class EnvWorld:
         np.random.seed(seed % 2**32)
         with silent():
             self.env.reset()
-        self._hand.current_action = np.zeros_like(
-            self._hand.current_action
+        self.hand.current_action = np.zeros_like(
+            self.hand.current_action
         )  # the environment leaves it as it was
         self.data = self.env.sim.data._data
 
 
-def joint_controller(stiffness: float) -> dict[str, Any]:
-    """Robosuite's controller of joint positions, radians in and out."""
-    span = {"input_max": 10, "input_min": -10, "output_max": 10, "output_min": -10}
-    return {"type": "JOINT_POSITION", **span, "kp": stiffness, "interpolation": None}
+def hand_of(env: Any) -> Any:
+    """The gripper of an environment's robot; since 1.5 a robot has one for each arm."""
+    gripper = env.robots[0].gripper
+    return gripper["right"] if isinstance(gripper, dict) else gripper

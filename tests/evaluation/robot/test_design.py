@@ -13,6 +13,7 @@ RECORD = EpisodeRecord("e", "lift it", "pick_and_lift", 0, {})
 @pytest.mark.parametrize(
     ("stage", "kind", "expected"),
     [
+        ("setup", "error", "setup"),
         ("observe", "error", "error"),
         ("perceive", "perception", "perception"),
         ("plan", "ambiguous", "perception"),

@@ -95,6 +95,7 @@ def test_suites_and_their_groups_stand_beside_what_others_published(tmp_path):
     (folder / "episode.mp4").write_bytes(b"film")
     made = [cell(f"cups/{k}", "off", 0, done=k < 3) for k in range(4)]
     made += [cell("bowls/0", "off", 0, False, folder=str(folder), message="It slipped.", layout=7)]
+    made = [replace(c, factors={**c.factors, "given": "two cameras, known objects"}) for c in made]
     published = {
         "Other": {"given": "a trained policy", "success": {"cups": 60.5}},
         "Elsewhere": {"given": "", "success": {"x": 1}},
@@ -108,6 +109,8 @@ def test_suites_and_their_groups_stand_beside_what_others_published(tmp_path):
     assert text_of(by_suite, "both", "memory off")[1].endswith("3/5")
     assert text_of(by_suite, "cups", "Other (published)") == ("60.5",)
     assert text_of(by_suite, "bowls", "Other (published)") == ("",)
+    assert text_of(by_suite, "given", "memory off") == ("two cameras, known objects",)
+    assert text_of(by_suite, "given", "Other (published)") == ("a trained policy",)
     (film,) = failures.films
     assert film.caption == "bowls/0, layout 7: It slipped."
     assert film.file.endswith("episode/episode.mp4")
