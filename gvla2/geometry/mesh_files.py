@@ -165,13 +165,15 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
 
     Faces whose material is in no library, or that have none, have no colour of their own.
     """
-    text = re.sub(r"\r\n?", "\n", _decoded(content)).replace("\\\n", " ")
-    text = re.sub(r"(?m)^[ \t]+", "", re.sub(r"[ \t]*\t[ \t]*", " ", text))
-    text = re.sub(r"(?m)^((?:v|vt|vn|f) [^#\n]*)#.*$", r"\1", text)
-    if zero := re.search(r"(?m)^f(?: \S+)*? 0(?:/.*)?(?: .*)?$", text):
-        raise GeometryError(f"'{zero[0][:60]}' names vertex 0; an OBJ file counts from 1.")
+    text = "\n" + re.sub(r"\r\n?", "\n", _decoded(content)).replace("\\\n", " ")
+    if "\t" in text or "\n " in text:
+        text = re.sub(r"\n +", "\n", re.sub(r"[ \t]*\t[ \t]*", " ", text))
+    if text.count("#") > text.count("\n#"):
+        text = re.sub(r"(\n(?:v|vt|vn|f) [^#\n]*)#.*", r"\1", text)
+    if zero := re.search(r"\nf .*(?<= )0(?!\d).*", text):
+        raise GeometryError(f"'{zero[0][1:60]}' names vertex 0; an OBJ file counts from 1.")
     libraries = []
-    for name in re.findall(r"(?m)^mtllib (.+)$", text):
+    for name in re.findall(r"\nmtllib (.+)", text):
         for each in dict.fromkeys((name, *name.split())):
             try:
                 libraries.append(_decoded(resolver.get(each)))
@@ -179,15 +181,14 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
                 continue
             break
     library = re.sub(rf"(?mi)^(\s*map_kd){_OPTIONS}", r"\1 ", "\n".join(libraries))
-    text = re.sub(r"(?m)^mtllib .*$", "", text)
+    text = re.sub(r"\nmtllib .*", "", text)
     known = {" ".join(name.split()) for name in re.findall(r"(?mi)^\s*newmtl (.+)$", library)}
-    used = re.compile(r"(?m)^usemtl (.+)$")
-    text = used.sub(lambda use: use[0] if " ".join(use[1].split()) in known else f"usemtl {_PLAIN}", text)
-    first = re.search(r"(?m)^(f|usemtl) ", text)
-    if first and first[1] == "f" and re.search(r"(?m)^f \S*\d/\d", text):
-        text = f"usemtl {_PLAIN}\n{text}"
+    plain = f"\nusemtl {_PLAIN}"
+    text = re.sub(r"\nusemtl (.+)", lambda use: use[0] if " ".join(use[1].split()) in known else plain, text)
+    if re.search(r"\nf \S*\d/\d", text) and "\nusemtl " not in text[: text.find("\nf ")]:
+        text = plain + text
     resolver.materials = f"{library}\nnewmtl {_PLAIN}\nKd 1 1 1\n".encode()
-    return f"mtllib {_MATERIALS}\n{text}".encode()
+    return f"mtllib {_MATERIALS}{text}".encode()
 
 
 def _decoded(content: bytes) -> str:
