@@ -91,6 +91,8 @@ def reading(
         own = isinstance(error, Gvla2Error)
         if isinstance(error, OSError) and error.strerror:
             reason = error.strerror
+        elif isinstance(error, KeyError):
+            reason = f"it lacks {reason}"
         elif not own:
             reason = f"{type(error).__name__}: {reason}"
         if not own or Path(where).name not in reason:

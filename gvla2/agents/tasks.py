@@ -70,6 +70,9 @@ def read_task(folder: Path) -> AgentTask:
         if (folder / name).is_symlink():
             # A downloaded task could otherwise show the agent any file of this machine.
             raise ConfigurationError(f"{folder / name} is a link; a task holds its own files.")
+    for name in ("task.toml", "instruction.md"):
+        if (folder / name).exists() and not (folder / name).is_file():  # reading a pipe would never end
+            raise ConfigurationError(f"{folder / name} is not a file.")
     try:
         settings = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8-sig"))
         instruction = (folder / "instruction.md").read_text(encoding="utf-8-sig").strip()
