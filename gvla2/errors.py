@@ -1,8 +1,10 @@
 """Errors: one root, and messages that say what was asked, what exists and what to do."""
 
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from difflib import get_close_matches
+from pathlib import Path
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -69,6 +71,33 @@ class MissingDependencyError(Gvla2Error):
 
 class GeometryError(Gvla2Error, ValueError):
     """Geometric data is malformed: a wrong shape, a mirrored camera, a singular K, not-a-number."""
+
+
+@contextmanager
+def reading(
+    what: str, path: str | os.PathLike[str], kind: type[Gvla2Error] = GeometryError, remedy: str = ""
+) -> Iterator[None]:
+    """Turn anything that goes wrong while a file of others is read into ``kind``, which names the file and the reason.
+
+    Readers of foreign formats raise anything at all for a damaged file. Errors of ours that name the file keep their
+    words; what must be installed or configured stays as it is.
+    """
+    try:
+        yield
+    except (MissingDependencyError, ConfigurationError):
+        raise
+    except Exception as error:
+        reason, where = str(error), os.fspath(path)
+        own = isinstance(error, Gvla2Error)
+        if isinstance(error, OSError) and error.strerror:
+            reason = error.strerror
+        elif isinstance(error, KeyError):
+            reason = f"it lacks {reason}"
+        elif not own:
+            reason = f"{type(error).__name__}: {reason}"
+        if not own or Path(where).name not in reason:
+            reason = f"Cannot read {what} from {where}: {reason}"
+        raise kind(f"{reason.rstrip('.')}.{' ' + remedy if remedy else ''}") from error
 
 
 class PerceptionError(Gvla2Error):

@@ -13,6 +13,7 @@ from typing import Any
 from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Output
 from gvla2.agents.sandbox import BubblewrapSandbox
 from gvla2.errors import ConfigurationError
+from gvla2.io.files import visible_files
 from gvla2.memory.admission import verdict_of
 from gvla2.memory.contracts import (
     Evidence,
@@ -46,7 +47,7 @@ def read_tasks(root: str | Path, names: Iterable[str] = ()) -> list[AgentTask]:
     or instruction.
     """
     found: dict[str, Path] = {}
-    for folder in sorted(file.parent for file in Path(root).expanduser().rglob("task.toml")):
+    for folder in sorted(file.parent for file in visible_files(Path(root).expanduser(), "task.toml")):
         if folder.name in found:
             raise ConfigurationError(
                 f"Two tasks are called '{folder.name}': {found[folder.name]} and {folder}. Rename one."
@@ -69,9 +70,12 @@ def read_task(folder: Path) -> AgentTask:
         if (folder / name).is_symlink():
             # A downloaded task could otherwise show the agent any file of this machine.
             raise ConfigurationError(f"{folder / name} is a link; a task holds its own files.")
+    for name in ("task.toml", "instruction.md"):
+        if (folder / name).exists() and not (folder / name).is_file():  # reading a pipe would never end
+            raise ConfigurationError(f"{folder / name} is not a file.")
     try:
-        settings = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8"))
-        instruction = (folder / "instruction.md").read_text(encoding="utf-8").strip()
+        settings = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8-sig"))
+        instruction = (folder / "instruction.md").read_text(encoding="utf-8-sig").strip()
         limits = {
             name: float(settings[section][key])
             for name, (section, key) in _LIMITS.items()

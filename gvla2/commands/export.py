@@ -11,11 +11,15 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.errors import Gvla2Error, MissingDependencyError
+from gvla2.errors import Gvla2Error, MissingDependencyError, reading
+from gvla2.io.files import visible_files
 from gvla2.record.text import count, printable
 
 if TYPE_CHECKING:
     from gvla2.record.lerobot import Demonstration
+
+MOST_LISTED = 5
+"""How many unreadable episodes are listed."""
 
 USAGE = "gvla2 export lerobot RUN... to=FOLDER [only=success|all]"
 DESCRIPTION = """\
@@ -52,16 +56,26 @@ def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
 
     episodes: list[Demonstration] = []
     left: Counter[str] = Counter()
+    broken: list[str] = []
     for run in runs:
         if not run.is_dir():
             raise Gvla2Error(f"There is no folder '{run}'.")
-        for result in sorted(run.rglob("result.json")):
-            found = _episode(result.parent, only)
-            if isinstance(found, str):
-                left[found] += 1
-            elif found is not None:
-                episodes.append(found)
+    results = {file.resolve(): file for run in runs for file in visible_files(run, "result.json")}
+    for file in results.values():
+        try:
+            with reading("an episode", file.parent, Gvla2Error):
+                found = _episode(file.parent, only)
+        except Gvla2Error as error:
+            broken.append(str(error))
+            continue
+        if isinstance(found, str):
+            left[found] += 1
+        elif found is not None:
+            episodes.append(found)
     reasons = ", ".join(f"{count} {why}" for why, count in left.items())
+    if broken:
+        listed = " ".join(broken[:MOST_LISTED])
+        reasons = f"{f'{reasons}, ' if reasons else ''}{len(broken)} unreadable: {listed}"
     if not episodes:
         raise Gvla2Error(f"Nothing to export below {', '.join(map(str, runs))}: {reasons or 'no episodes'}.")
     write_dataset(target, episodes)
@@ -74,11 +88,11 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     """The episode of a run's folder, or why it is left out; None for a summary above several."""
     import numpy as np
 
-    from gvla2.record.lerobot import Demonstration
+    from gvla2.record.lerobot import Demonstration, Film
     from gvla2.record.motion import FILM, STATES
 
-    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
-    if "episode" not in result:
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8-sig"))
+    if not isinstance(result, dict) or "episode" not in result:
         return None
     judged = result.get("success")
     succeeded = result.get("verdict") == "verified_success" if judged is None else judged
@@ -93,7 +107,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
         states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
         fps = float(kept["fps"])
     robot, source = str(result["robot"]), _source(folder, result)
-    return Demonstration(states, fps, folder / FILM, result["instruction"], robot, source)
+    return Demonstration(states, fps, Film.read(folder / FILM), str(result["instruction"]), robot, source)
 
 
 def _source(folder: Path, result: Mapping[str, Any]) -> str:
@@ -101,7 +115,8 @@ def _source(folder: Path, result: Mapping[str, Any]) -> str:
     from omegaconf import OmegaConf
 
     config = folder / "config.yaml"
-    options: Any = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
+    found = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
+    options: Any = OmegaConf.to_container(found)  # unresolved: another's file may name our environment
     robot = options.get("robot") or result.get("robot_options") or {}
     cameras = list(robot.get("cameras") or ())
     named = {"urdf": robot.get("urdf"), "camera": cameras[0] if cameras else ""}

@@ -17,10 +17,12 @@ from pathlib import Path
 from gvla2.errors import ConfigurationError, did_you_mean
 from gvla2.evaluation.protocol import INPUTS, SAMPLES, SIZE, TARGETS, ObjectViews, object_views
 from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh_files import READABLE
 from gvla2.geometry.views import Views
+from gvla2.io.files import hidden
 
 MESH_FILES = ("textured.obj", "textured.glb", "model.obj", "mesh.obj", "mesh.glb")
-"""File names tried first in an object's folder; else its only .obj, .glb or .ply."""
+"""File names tried first in an object's folder; else its only mesh."""
 GSO_VIEWS = Path("render_mvs_25") / "model"
 GSO_MESH = Path("meshes") / "model.obj"
 AGREEMENT = 0.9
@@ -127,7 +129,7 @@ def roots(kind: str) -> list[Path]:
 def find_items(kind: str, root: Path) -> tuple[Item, ...]:
     """All objects of a kind under a folder, by name."""
     items = []
-    for folder in sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith(".")):
+    for folder in sorted(path for path in root.iterdir() if path.is_dir() and not hidden(path.name)):
         views = folder / GSO_VIEWS
         source = (views if (views / "000.png").is_file() else None) if kind == "gso30" else _mesh_of(folder)
         if source is not None:
@@ -139,7 +141,7 @@ def _mesh_of(folder: Path) -> Path | None:
     for name in MESH_FILES:
         if (folder / name).is_file():
             return folder / name
-    others = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".obj", ".glb", ".ply"))
+    others = [p for p in folder.iterdir() if p.suffix.lower() in READABLE and not hidden(p.name)]
     return others[0] if len(others) == 1 else None
 
 

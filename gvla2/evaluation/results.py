@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
@@ -28,6 +27,7 @@ from sqlmodel import Field, Session, SQLModel, col, select
 
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.io.database_url import Closing, parsed, shown
+from gvla2.record.origin import commit
 
 DEFAULT_URL = "sqlite:///outputs/results.sqlite"
 BUSY_SECONDS = 30.0
@@ -241,18 +241,6 @@ def versions() -> dict[str, str]:
         with suppress(PackageNotFoundError):
             found[package] = version(package)
     return found
-
-
-def commit() -> str:
-    """The commit of the source tree, with ``-dirty`` when files differ from it; "" outside a git checkout."""
-    folder = Path(__file__).resolve().parents[2]
-    command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
-    if not (folder / ".git").exists():
-        return ""
-    try:
-        return subprocess.run(command, capture_output=True, text=True, timeout=20, check=True).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return ""
 
 
 @cache

@@ -154,6 +154,22 @@ class TexturedMesh:
     rgb: NDArray[np.float32]
     images: tuple[NDArray[np.uint8], ...]
 
+    @property
+    def has_colours(self) -> bool:
+        """Whether it has any colour of its own; a file without any is read as :data:`GREY`."""
+        return bool(self.images) or not (self.rgb == np.float32(GREY)).all()
+
+    @property
+    def face_colours(self) -> FloatArray:
+        """(F, 3) the colour of each face's middle, in [0, 1]."""
+        count = len(self.mesh.faces)
+        return self.colours_at(np.arange(count), np.full((count, 3), 1 / 3))
+
+    def painted(self, colour: FloatArray) -> TexturedMesh:
+        """The same shape in one colour (3,), without images."""
+        rgb = np.broadcast_to(colour, self.rgb.shape).astype(np.float32)
+        return replace(self, rgb=rgb, texture=np.full_like(self.texture, -1), images=())
+
     def normalised(self) -> TexturedMesh:
         """The same mesh with its bounding box centred at the origin and its longest side 1.
 
@@ -191,7 +207,7 @@ class TexturedMesh:
 
     def coloured(self) -> TriangleMesh:
         """The mesh with the mean colour of its corners at each vertex; without colours where it has none at all."""
-        if not self.images and (self.rgb == np.float32(GREY)).all():
+        if not self.has_colours:
             return self.mesh
         corners = np.arange(3 * len(self.mesh.faces))
         rgb = self.colours_at(corners // 3, np.eye(3)[corners % 3])
@@ -208,7 +224,7 @@ class TexturedMesh:
         for number, image in enumerate(self.images):
             mine = self.texture[faces] == number
             colours[mine] *= bilinear(image, spot[mine]) / 255.0
-        return np.asarray(colours)
+        return np.asarray(np.clip(colours, 0.0, 1.0))
 
 
 @dataclass(frozen=True)

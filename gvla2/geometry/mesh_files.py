@@ -6,20 +6,25 @@ COLLADA file also says its unit.
 
 from __future__ import annotations
 
+import codecs
+import errno
 import io
 import json
+import logging
 import os
 import re
 import struct
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
+from urllib.parse import unquote
 
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from gvla2.errors import GeometryError, MissingDependencyError
+from gvla2.errors import GeometryError, MissingDependencyError, reading
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.files import write_whole
@@ -28,12 +33,15 @@ READABLE = (".obj", ".glb", ".gltf", ".ply", ".stl", ".dae", ".off")
 WRITABLE = (".obj", ".glb", ".ply")
 _GLTF = (".glb", ".gltf")
 _UNREADABLE = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"}
-"""Extensions of glTF that trimesh would misread; of Draco it asks DracoPy."""
+_READ = {"KHR_draco_mesh_compression", "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual"}
+"""Extensions of glTF that trimesh would misread, and those that may be required; of Draco it asks DracoPy."""
 _TURNS: Mapping[str, FloatArray] = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
 }
 """(3, 3) from a file's frame to the Z-up frame."""
+
+log = logging.getLogger(__name__)
 
 
 def to_y_up(points: ArrayLike) -> FloatArray:
@@ -62,16 +70,17 @@ def read_textured_mesh(path: str | os.PathLike[str], up: Literal["file", "z"] = 
     compressed in a way that isn't read; :class:`MissingDependencyError` for a COLLADA file without pycollada.
     """
     source = Path(path)
-    scene, from_file = _load(source, up)
-    try:
+    suffix = _suffix(source, READABLE)
+    with reading("a mesh", source):  # trimesh's parsers and visuals raise anything
+        scene, from_file, uv_moves = _load(source, suffix, up)
         pieces = [p for p in scene.dump() if isinstance(p, trimesh.Trimesh) and len(p.faces)]
         if not pieces:
             raise GeometryError("it holds no triangles.")
-        looks = [_look(piece) for piece in pieces]
+        looks = [_look(piece, uv_moves) for piece in pieces]
         vertices, faces = np.unique(np.concatenate(list(map(_corners, pieces))), axis=0, return_inverse=True)
         mesh = TriangleMesh(vertices @ from_file.T, faces.reshape(-1, 3))
-    except Exception as error:  # trimesh's visuals raise anything
-        raise _unreadable(source, error) from error
+        if not all(np.isfinite(uv).all() and np.isfinite(rgb).all() for uv, rgb, _ in looks):
+            raise GeometryError("its colours or texture coordinates are not finite.")
     images = [image for _, _, image in looks if image is not None]
     numbers = np.cumsum([image is not None for _, _, image in looks]) - 1
     texture = [-1 if image is None else number for number, (_, _, image) in zip(numbers, looks, strict=True)]
@@ -97,53 +106,197 @@ def write_mesh(path: str | os.PathLike[str], mesh: TriangleMesh) -> None:
     write_whole(path, content.encode() if isinstance(content, str) else content)
 
 
-def _load(source: Path, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray]:
-    """The file's scene as it is, and the matrix (3, 3) that takes its points to our frame, metres."""
-    suffix = _suffix(source, READABLE)
+_Moves = Mapping[str, FloatArray]
+"""(3, 3) by a material's name: where its texture coordinates lie on its image, v downwards."""
+
+
+def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray, _Moves]:
+    """The file's scene as it is, the matrix (3, 3) that takes its points to our frame, metres, and its materials'."""
+    if not source.is_file():
+        raise GeometryError("there is no such file.")
+    content = source.read_bytes().removeprefix(codecs.BOM_UTF8)
+    resolver, moves, from_file = _BesideResolver(source), {}, np.eye(3)
+    if suffix == ".dae":
+        content, from_file = _plain_collada(source, content, up)
+    elif suffix in _GLTF:
+        content, moves = _plain_gltf(content)
+        from_file = _TURNS["Y_UP"]
+    elif suffix == ".obj":
+        content = _plain_obj(content, resolver)
+    elif suffix == ".ply":  # Blender's older names
+        content = re.sub(rb"(?m)^(property \w+ )diffuse_", rb"\1", content, count=3)
+    kind = suffix.removeprefix(".")
+    scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
+    return scene, from_file, moves
+
+
+class _BesideResolver(trimesh.resolvers.FilePathResolver):
+    """Finds a mesh's materials and pictures by the names that other systems write: Windows' paths, ``%20``, another
+    case, another machine's folders.
+
+    ``materials`` is the text of an OBJ file's material libraries, joined.
+    """
+
+    materials = b""
+
+    def get(self, name: str) -> bytes:
+        """The content of the file of that name, or of the one of its last part beside the mesh."""
+        if name == _MATERIALS:
+            return self.materials
+        folder, words = Path(self.parent), unquote(name.strip().strip('"')).replace("\\", "/")
+        last = Path(words).name.casefold()
+        named = [folder / each for each in (name.strip(), words) if not Path(each).is_absolute()]
+        beside = [each for each in sorted(folder.iterdir()) if each.name.casefold() == last]
+        found = next((each for each in (*named, *beside) if each.is_file()), None)
+        if found is None:
+            log.warning("%s names %s, which is not beside it.", self.clean, name)
+            raise FileNotFoundError(errno.ENOENT, f"{name} is not beside it")
+        return found.read_bytes().removeprefix(codecs.BOM_UTF8)
+
+
+_MATERIALS, _PLAIN = "gvla2_materials", "gvla2_plain"
+"""The names of the joined libraries, and of the material of faces whose own is in none."""
+_OPTIONS = r"(?:\s+-(?:[sot](?:\s+[-+\d.eE]+){1,3}|mm\s+\S+\s+\S+|[a-z]+\s+\S+))*\s+"
+"""The options of a picture in a material library."""
+
+
+def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
+    """An OBJ file as trimesh reads it: single spaces, no comments behind numbers, one library that has every material.
+
+    Faces whose material is in no library, or that have none, have no colour of their own.
+    """
+    text = "\n" + re.sub(r"\r\n?", "\n", _decoded(content)).replace("\\\n", " ")
+    if "\t" in text or "\n " in text:
+        text = re.sub(r"\n +", "\n", re.sub(r"[ \t]*\t[ \t]*", " ", text))
+    if text.count("#") > text.count("\n#"):
+        text = re.sub(r"(\n(?:v|vt|vn|f) [^#\n]*)#.*", r"\1", text)
+    if zero := re.search(r"\nf .*(?<= )0(?!\d).*", text):
+        raise GeometryError(f"'{zero[0][1:60]}' names vertex 0; an OBJ file counts from 1.")
+    libraries = []
+    for name in re.findall(r"\nmtllib (.+)", text):
+        for each in dict.fromkeys((name, *name.split())):
+            try:
+                libraries.append(_decoded(resolver.get(each)))
+            except FileNotFoundError:
+                continue
+            break
+    library = re.sub(rf"(?mi)^(\s*map_kd){_OPTIONS}", r"\1 ", "\n".join(libraries))
+    text = re.sub(r"\nmtllib .*", "", text)
+    known = {" ".join(name.split()) for name in re.findall(r"(?mi)^\s*newmtl (.+)$", library)}
+    plain = f"\nusemtl {_PLAIN}"
+    text = re.sub(r"\nusemtl (.+)", lambda use: use[0] if " ".join(use[1].split()) in known else plain, text)
+    if re.search(r"\nf \S*\d/\d", text) and "\nusemtl " not in text[: text.find("\nf ")]:
+        text = plain + text
+    resolver.materials = f"{library}\nnewmtl {_PLAIN}\nKd 1 1 1\n".encode()
+    return f"mtllib {_MATERIALS}{text}".encode()
+
+
+def _decoded(content: bytes) -> str:
     try:
-        if not source.is_file():
-            raise GeometryError("there is no such file.")
-        content = source.read_bytes()
-        if suffix == ".dae":
-            return _load_collada(source, content, up)
-        if suffix in _GLTF:
-            _check_extensions(content)
-        scene = trimesh.load_scene(source, process=False)
-    except MissingDependencyError:
-        raise
-    except Exception as error:  # trimesh's parsers raise anything
-        raise _unreadable(source, error) from error
-    return scene, _TURNS["Y_UP"] if suffix in _GLTF else np.eye(3)
+        return content.decode()
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
 
 
-def _load_collada(source: Path, content: bytes, up: Literal["file", "z"]) -> tuple[trimesh.Scene, FloatArray]:
+def _plain_collada(source: Path, content: bytes, up: Literal["file", "z"]) -> tuple[bytes, FloatArray]:
+    """A COLLADA file with its namespace, and the matrix (3, 3) that takes its points to our frame, metres."""
     try:
         import collada  # noqa: F401  # trimesh's reader of COLLADA
     except ImportError as error:
         raise MissingDependencyError(
             "the package 'pycollada'", f"Reading {source}", "pip install pycollada"
         ) from error
-    head = content[: content.find(b"</asset>")].decode(errors="replace")
-    if "<COLLADA" in head and "xmlns=" not in head[head.index("<COLLADA") :].partition(">")[0]:
-        named = b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"'
-        content = content.replace(b"<COLLADA", named, 1)  # pycollada knows elements by their namespace alone
-    resolver = trimesh.resolvers.FilePathResolver(source)
-    scene = trimesh.load_scene(io.BytesIO(content), file_type="dae", resolver=resolver, process=False)
-    unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)", head)
-    axis = re.search(r"<up_axis>\s*(\w+)", head)
-    turn = _TURNS.get(axis[1] if axis and up == "file" else "Z_UP", np.eye(3))
-    return scene, turn * (float(unit[1]) if unit else 1.0)
+    root = ET.fromstring(content)
+    tag = "{*}" if root.tag.startswith("{") else ""
+    unit, axis = root.find(f"{tag}asset/{tag}unit"), root.findtext(f"{tag}asset/{tag}up_axis") or ""
+    turn = _TURNS.get(axis.strip() if up == "file" else "Z_UP", np.eye(3))
+    _drop_dangling(root)
+    if not tag:  # pycollada knows elements by their namespace alone
+        root.set("xmlns", "http://www.collada.org/2005/11/COLLADASchema")
+    return ET.tostring(root), turn * (1.0 if unit is None else float(unit.get("meter", 1.0)))
 
 
-def _check_extensions(content: bytes) -> None:
-    """Raise :class:`GeometryError` for a glTF file that requires what trimesh would misread or leave out."""
+def _drop_dangling(root: ET.Element) -> None:
+    """Take out materials and textures that refer to what the file lacks, else pycollada leaves out their geometry.
+
+    Raises :class:`GeometryError` for a geometry or node that is placed and missing.
+    """
+    ids = {f"#{element.get('id')}" for element in root.iter() if element.get("id")}
+    for effect in root.iterfind(".//{*}effect"):
+        named = {str(element.get("sid")) for element in effect.iter()} | {name[1:] for name in ids}
+        for parent in list(effect.iter()):
+            for child in list(parent):
+                source = child.findtext("{*}sampler2D/{*}source") or child.findtext("{*}surface/{*}init_from")
+                if source is not None and source.strip() not in named:
+                    parent.remove(child)
+                    named.discard(str(child.get("sid")))
+        for parent in list(effect.iter()):
+            for child in parent.findall("{*}texture"):
+                if child.get("texture") not in named:
+                    child.tag = child.tag.replace("texture", "color")
+                    child.attrib.clear()
+                    child.text = "1 1 1 1"
+    for tag, key in (("instance_effect", "url"), ("instance_material", "target")):
+        for parent in list(root.iter()):
+            for child in parent.findall(f"{{*}}{tag}"):
+                if child.get(key) not in ids:
+                    ids.discard(f"#{parent.get('id')}")
+                    parent.remove(child)
+    for materials in root.iterfind("{*}library_materials"):
+        for material in list(materials):
+            if f"#{material.get('id')}" not in ids:
+                materials.remove(material)
+    for element in (*root.iterfind(".//{*}instance_geometry"), *root.iterfind(".//{*}instance_node")):
+        url = element.get("url", "")
+        if url.startswith("#") and url not in ids:
+            raise GeometryError(f"it places {url[1:]}, which it does not hold.")
+
+
+def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
+    """A glTF file as trimesh reads it: its materials named by their numbers, the texture coordinates that the colour
+    uses as the first set, specular-glossiness as a base colour; and each material's transform of texture coordinates.
+
+    Raises :class:`GeometryError` for what trimesh would misread or leave out.
+    """
+    binary, rest = content[:4] == b"glTF", b""
     text = content
-    if content[:4] == b"glTF":
+    if binary:
         (length,) = struct.unpack_from("<I", content, 12)
-        text = content[20 : 20 + length]
-    if found := _UNREADABLE & set(json.loads(text).get("extensionsUsed", ())):
-        which = ", ".join(sorted(found))
-        raise GeometryError(f"its vertices are compressed ({which}); export it without compression.")
+        text, rest = content[20 : 20 + length], content[20 + length :]
+    tree = json.loads(text)
+    required = {e for e in tree.get("extensionsRequired", ()) if not e.startswith("KHR_materials_")} - _READ
+    if found := sorted(required | _UNREADABLE & set(tree.get("extensionsUsed", ()))):
+        raise GeometryError(f"it uses {', '.join(found)}, which is not read; export it without.")
+    if any("sparse" in accessor for accessor in tree.get("accessors", ())):
+        raise GeometryError("it has sparse accessors, which are not read; export it without.")
+    moves, sets = {}, {}
+    for number, material in enumerate(tree.get("materials", ())):
+        material["name"] = str(number)
+        base = material.setdefault("pbrMetallicRoughness", {})
+        glossy = material.get("extensions", {}).pop("KHR_materials_pbrSpecularGlossiness", {})
+        for own, name in (("diffuseFactor", "baseColorFactor"), ("diffuseTexture", "baseColorTexture")):
+            if own in glossy:
+                base[name] = glossy[own]
+        texture = base.get("baseColorTexture", {})
+        move = texture.get("extensions", {}).get("KHR_texture_transform", {})
+        sets[number] = move.get("texCoord", texture.get("texCoord", 0))
+        if move:
+            scale, (x, y) = move.get("scale", (1.0, 1.0)), move.get("offset", (0.0, 0.0))
+            c, s = np.cos(move.get("rotation", 0.0)), np.sin(move.get("rotation", 0.0))
+            turn = np.array([[c, s, x], [-s, c, y], [0.0, 0.0, 1.0]])
+            moves[str(number)] = turn @ np.diag([*scale, 1.0])
+    for primitive in (p for mesh in tree.get("meshes", ()) for p in mesh["primitives"]):
+        if wanted := sets.get(primitive.get("material"), 0):
+            draco = primitive.get("extensions", {}).get("KHR_draco_mesh_compression", {})
+            for attributes in filter(None, (primitive["attributes"], draco.get("attributes"))):
+                first = attributes.pop("TEXCOORD_0", None)
+                attributes["TEXCOORD_0"] = attributes.get(f"TEXCOORD_{wanted}", first)
+    text = json.dumps(tree).encode()
+    if not binary:
+        return text, moves
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A)
+    return head + text + rest, moves
 
 
 def _suffix(path: Path, known: tuple[str, ...]) -> str:
@@ -151,11 +304,6 @@ def _suffix(path: Path, known: tuple[str, ...]) -> str:
     if suffix not in known:
         raise GeometryError(f"{path}: meshes are {', '.join(known)} files, not '{suffix}'.")
     return suffix
-
-
-def _unreadable(source: Path, error: Exception) -> GeometryError:
-    kind = "" if isinstance(error, GeometryError) else f"{type(error).__name__}: "
-    return GeometryError(f"Cannot read a mesh from {source}: {kind}{error}")
 
 
 def _corners(piece: trimesh.Trimesh) -> FloatArray:
@@ -169,7 +317,9 @@ def _corners(piece: trimesh.Trimesh) -> FloatArray:
     return corners
 
 
-def _look(part: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8] | None]:
+def _look(
+    part: trimesh.Trimesh, uv_moves: _Moves
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8] | None]:
     """A part's corner texture coordinates (F, 3, 2), corner colours (F, 3, 3) and image, if any."""
     visual, faces = part.visual, np.asarray(part.faces)
     uv = np.zeros((len(faces), 3, 2), dtype=np.float32)
@@ -180,11 +330,18 @@ def _look(part: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.float3
             tint = np.ones(3)  # glTF's default
         elif flat and tint is None:
             tint = visual.material.main_color
+        painted = visual.vertex_attributes.get("color")
+        if painted is None and visual.material.name == _PLAIN:
+            tint = np.full(3, GREY)
         rgb = np.broadcast_to(np.ones(3) if tint is None else _unit(tint)[:3], (*faces.shape, 3))
-        if (painted := visual.vertex_attributes.get("color")) is not None:
+        if painted is not None:
             rgb = rgb * _unit(painted)[:, :3][faces]
         if not flat:
-            uv = np.asarray(visual.uv, dtype=np.float32)[faces]
+            at = np.asarray(visual.uv, dtype=np.float64)
+            if (move := uv_moves.get(str(visual.material.name))) is not None:
+                down = np.column_stack([at[:, 0], 1 - at[:, 1], np.ones(len(at))]) @ move.T
+                at = np.column_stack([down[:, 0], 1 - down[:, 1]])
+            uv = at.astype(np.float32)[faces]
         return uv, rgb.astype(np.float32), None if flat else image
     if visual.kind == "face":
         rgb = np.repeat(_unit(visual.face_colors)[:, None, :3], 3, axis=1)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.errors import ConfigurationError, GeometryError, reading
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
@@ -33,6 +33,8 @@ VIEWS, CAMERAS = "views", "cameras.json"
 """A run's folder of views, and the file with the cameras of a folder."""
 FOCAL = 35.0 / 32.0
 """Focal length over the image's width in a GSO-30 tree."""
+SCALED = 1.2
+"""A principal point that is off the middle by more than this factor, in x and y alike, shows a K of another size."""
 PROTOCOL_VIEWS, PROTOCOL_SIZE = (0, 1, 2, 3, 4), 256
 
 Readers = Mapping[int, Callable[[], View]]
@@ -174,13 +176,10 @@ def write_plain(folder: str | os.PathLike[str], views: Views, subject: str = "")
 
 
 def _document(cameras: Path) -> Mapping[str, Any]:
-    try:
-        document = json.loads(cameras.read_text("utf-8"))
-        return {**document, "views": list(document["views"])}
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise GeometryError(
-            f"Cannot read the cameras {cameras}: {error!r}; it needs a list 'views'."
-        ) from error
+    with reading("the cameras", cameras, remedy="It needs a list 'views' of objects."):
+        document = json.loads(cameras.read_text("utf-8-sig"))
+        views = [dict(entry) for entry in document["views"]]
+    return {**document, "views": views}
 
 
 def _plain_readers(cameras: Path) -> Readers:
@@ -195,9 +194,10 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
     name, folder = str(entry.get("name", "")), cameras.parent
 
     def first(of: str, suffixes: tuple[str, ...]) -> Path | None:
-        return next((path for end in suffixes if (path := folder / of / f"{name}{end}").is_file()), None)
+        named = (folder / of / f"{name}{end}" for suffix in suffixes for end in (suffix, suffix.upper()))
+        return next((path for path in named if path.is_file()), None)
 
-    try:
+    with reading(f"view '{name}'", cameras):
         if not name or (picture := first("images", _PICTURES)) is None:
             raise GeometryError(f"there is no {folder / 'images' / name}.png.")
         image, mask = _read_picture(picture)
@@ -206,12 +206,13 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
         depth = None
         if (depth_file := first("depth", (".npy",))) is not None:
             depth = np.asarray(_load(depth_file), dtype=np.float32)
-            depth = np.where(depth > 0, depth, np.float32(np.nan))
+            depth = depth[..., 0] if depth.ndim == 3 and depth.shape[2] == 1 else depth
+            depth = np.where((depth > 0) & (depth < np.inf), depth, np.float32(np.nan))
         own = first("robot", _PICTURES)
         robot = None if own is None else _read_mask(own) > 0.5
-        return View(_camera(entry, image, str(entry.get("label", name))), image, depth, mask, robot)
-    except (GeometryError, TypeError, ValueError) as error:
-        raise GeometryError(f"{cameras}, view '{name}': {error}") from error
+        camera = _camera(entry, image, str(entry.get("label", name)))
+        _check_size(camera)
+        return View(camera, image, depth, mask, robot)
 
 
 def _camera(entry: Mapping[str, Any], image: NDArray[np.uint8], name: str) -> Camera:
@@ -230,6 +231,17 @@ def _camera(entry: Mapping[str, Any], image: NDArray[np.uint8], name: str) -> Ca
     return Camera(np.asarray(entry["K"], dtype=np.float64), pose, image.shape[1], image.shape[0], name)
 
 
+def _check_size(camera: Camera) -> None:
+    """Raise :class:`GeometryError` for a K that belongs to a picture of another size, as its principal point shows."""
+    x, y = camera.K[:2, 2]
+    ratio = 2.0 * x / camera.width, 2.0 * y / camera.height
+    if min(ratio) > 0 and abs(np.log(ratio[0])) > np.log(SCALED) and abs(ratio[0] / ratio[1] - 1) < 0.05:
+        raise GeometryError(
+            f"the principal point ({x:g}, {y:g}) of K is the middle of {2 * x:.0f}x{2 * y:.0f} pixels, and "
+            f"the picture has {camera.width}x{camera.height}. Scale K with the pictures."
+        )
+
+
 def gso_folder(place: Path) -> Path | None:
     """Where the numbered views of a GSO-30 object lie: below ``place``, or ``place`` itself; None if nowhere."""
     for folder in (place / "render_mvs_25" / "model", place):
@@ -242,50 +254,68 @@ def _gso_view(matrix: Path) -> View:
     image, alpha = _read_picture(matrix.with_suffix(".png"))
     height, width = image.shape[:2]
     K = [[FOCAL * width, 0.0, width / 2], [0.0, FOCAL * width, height / 2], [0.0, 0.0, 1.0]]
-    try:
+    with reading("a camera", matrix):
         entry = {"K": K, "T": _load(matrix), "convention": "opengl"}
         return View(_camera(entry, image, matrix.stem), image, mask=alpha)
-    except (GeometryError, TypeError, ValueError) as error:
-        raise GeometryError(f"{matrix}: {error}") from error
 
 
 def _read_picture(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None]:
     """Colour (H, W, 3) uint8 laid on white, and alpha (H, W) in [0, 1], None for an opaque file."""
     picture = _open(path)
-    if not _transparent(picture):
+    alpha = _alpha(picture)
+    if picture.mode.startswith("I"):  # 16 bits, which Pillow would clip
+        grey = np.clip(np.asarray(picture, dtype=np.float64) / 257, 0, 255).astype(np.uint8)
+        return np.repeat(grey[..., None], 3, axis=2), None
+    if alpha is None:
         return np.asarray(picture.convert("RGB")), None
-    rgba = np.asarray(picture.convert("RGBA"), dtype=np.float32) / np.float32(255)
-    alpha = rgba[..., 3:]
-    on_white = rgba[..., :3] * alpha + (1 - alpha)
-    return np.asarray(255 * np.clip(on_white, 0, 1), dtype=np.uint8), np.ascontiguousarray(alpha[..., 0])
+    rgb = np.asarray(picture.convert("RGBA").convert("RGB"), dtype=np.float32) / np.float32(255)
+    on_white = rgb * alpha[..., None] + (1 - alpha[..., None])
+    return np.asarray(255 * np.clip(on_white, 0, 1), dtype=np.uint8), alpha
 
 
 def _read_mask(path: Path) -> NDArray[np.float32]:
-    """(H, W) in [0, 1]: the alpha of a transparent file, else its grey value."""
+    """(H, W) in [0, 1]: the alpha of a transparent file, else its brightest channel or the labels of its palette.
+
+    Two values are background and object, whatever they are. Raises :class:`GeometryError` for several labels.
+    """
     picture = _open(path)
-    layer = picture.convert("RGBA").getchannel("A") if _transparent(picture) else picture.convert("L")
-    return np.asarray(layer, dtype=np.float32) / np.float32(255)
+    alpha = _alpha(picture)
+    if alpha is not None:
+        return alpha
+    indexed = picture.mode == "P"
+    plain = picture if indexed or len(picture.getbands()) == 1 else picture.convert("RGB")
+    values = np.asarray(plain, dtype=np.float32)
+    values = values.max(axis=2) if values.ndim == 3 else values
+    present = np.unique(values)
+    if len(present) <= 2:
+        return (values > (present[0] if len(present) == 2 else 0)).astype(np.float32)
+    full = 255 if values.max() < 256 else 65535
+    if indexed or (2 * values.max() < full and path.suffix.lower() == ".png"):
+        raise GeometryError(
+            f"the mask {path} has the values {', '.join(f'{value:g}' for value in present[:5])}, ... of {full}: labels "
+            "of several objects. A mask shows one: 0 and 255."
+        )
+    return values / np.float32(full)
 
 
-def _transparent(picture: Image.Image) -> bool:
-    return "A" in picture.getbands() or "transparency" in picture.info
+def _alpha(picture: Image.Image) -> NDArray[np.float32] | None:
+    """(H, W) in [0, 1] of a picture that is anywhere transparent."""
+    if "A" not in picture.getbands() and "transparency" not in picture.info:
+        return None
+    alpha = np.asarray(picture.convert("RGBA").getchannel("A"), dtype=np.float32) / np.float32(255)
+    return alpha if alpha.min() < 1 else None
 
 
 def _open(path: Path) -> Image.Image:
-    try:
-        with Image.open(path) as picture:
-            picture.load()
-            return picture
-    except (OSError, SyntaxError, ValueError) as error:
-        raise GeometryError(f"Cannot read the image {path}: {error}") from error
+    with reading("the image", path), Image.open(path) as picture:
+        picture.load()
+        return picture
 
 
 def _load(path: Path) -> NDArray[Any]:
     """The array of a .npy file."""
-    try:
+    with reading("the array", path):
         return np.asarray(np.load(io.BytesIO(path.read_bytes()), allow_pickle=False))
-    except (OSError, ValueError, EOFError) as error:
-        raise GeometryError(f"Cannot read the array {path}: {error}") from error
 
 
 def _png(array: NDArray[np.uint8]) -> bytes:

@@ -52,17 +52,17 @@ def parsed(address: str | Path) -> URL:
         name, colon, password = user.partition(":")
         safe = f"{quote(name, safe='%')}{colon}{quote(password, safe='%')}{at}{host}"
         text = f"postgresql+psycopg://{safe}{''.join(rest.partition('?')[1:])}"
-    elif scheme != "sqlite":
+    elif scheme == "sqlite":  # a path, whatever its characters mean in URLs
+        path = rest.removeprefix("/")
+        if path == rest or path in ("", ":memory:") or re.search(r"\?\w+=[^/]*$", path):
+            raise ConfigurationError(f"{shown(text)!r} names no file. {_GIVE}; a path follows three slashes.")
+        return _file(path)
+    else:
         raise ConfigurationError(f"Databases here are SQLite or PostgreSQL, not '{scheme}'. {_GIVE}.")
     try:
-        url = make_url(text)
+        return make_url(text)
     except (ArgumentError, ValueError) as error:
         raise ConfigurationError(f"Not a database address: {shown(text)!r}. {_GIVE}.") from error
-    if scheme != "sqlite":
-        return url
-    if url.host or not url.database or url.database == ":memory:" or url.query:
-        raise ConfigurationError(f"{shown(text)!r} names no file. {_GIVE}; a path follows three slashes.")
-    return _file(url.database)
 
 
 def _file(path: str) -> URL:

@@ -44,6 +44,17 @@ def write_whole(path: str | os.PathLike[str], content: bytes | bytearray, *, flu
         ) from error
 
 
+def visible_files(root: Path, name: str = "*") -> list[Path]:
+    """The files below a folder whose names match, sorted; without hidden files and folders and macOS' ``__MACOSX``."""
+    found = (path for path in root.rglob(name) if path.is_file())
+    return sorted(path for path in found if not any(map(hidden, path.relative_to(root).parts)))
+
+
+def hidden(name: str) -> bool:
+    """Whether a file or folder of that name is for the system that wrote it, not for us."""
+    return name.startswith(".") or name == "__MACOSX"
+
+
 def _mode_of_new_files() -> int:
     """The mode that ``open`` would give a new file; mkstemp's files are private, whatever the user's umask says."""
     mask = os.umask(0)

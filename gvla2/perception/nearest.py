@@ -1,4 +1,7 @@
-"""The nearest of some points by a table of cells, and iterated closest points with it: far faster than with a tree."""
+"""The nearest of some points by a table of cells, and iterated closest points with it: far faster than with a tree.
+
+A look at a scene asks for some millions of them: the loops are compiled.
+"""
 
 from __future__ import annotations
 
@@ -33,13 +36,72 @@ class NearestPoints:
 
     def query(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.int32]]:
         """Distances (...,) of points (..., 3) from the nearest, metres, and its index (...,)."""
-        index = self.table[self._places(points, np.array(self.table.shape))]
-        away = points - self._points[index]
-        return np.sqrt(np.einsum("...i,...i->...", away, away)), index
+        flat = np.ascontiguousarray(points).reshape(-1, 3)
+        index, away = np.empty(len(flat), np.int32), np.empty(len(flat))
+        _look_up(flat, self._points, self.table, self.low, self.cell, index, away)
+        return away.reshape(points.shape[:-1]), index.reshape(points.shape[:-1])
+
+    def mean_distances(
+        self, points: FloatArray, turns: FloatArray, shifts: FloatArray, limit: float
+    ) -> FloatArray:
+        """(P,) mean distances, each at most ``limit`` metres, of points (N, 3) from the set, turned by ``turns``
+        (P, 3, 3) and then moved by ``shifts`` (P, 3).
+        """
+        points, turns = np.ascontiguousarray(points), np.ascontiguousarray(turns)
+        shifts, means = np.ascontiguousarray(shifts), np.empty(len(turns))
+        _mean_distances(points, turns, shifts, self._points, self.table, self.low, self.cell, limit, means)
+        return means
 
     def _places(self, points: FloatArray, size: NDArray[np.int_]) -> tuple[NDArray[np.intp], ...]:
         cells = np.clip(((points - self.low) / self.cell).astype(np.intp), 0, size - 1)
         return cells[..., 0], cells[..., 1], cells[..., 2]
+
+
+@compiled
+def nearest_index(point: FloatArray, table: NDArray[np.int32], low: FloatArray, cell: float) -> int:
+    """Index of the nearest of the points in a table of cells; see :class:`NearestPoints`."""
+    x = min(max(int((point[0] - low[0]) / cell), 0), table.shape[0] - 1)
+    y = min(max(int((point[1] - low[1]) / cell), 0), table.shape[1] - 1)
+    z = min(max(int((point[2] - low[2]) / cell), 0), table.shape[2] - 1)
+    return int(table[x, y, z])
+
+
+@compiled
+def _look_up(
+    points: FloatArray,
+    targets: FloatArray,
+    table: NDArray[np.int32],
+    low: FloatArray,
+    cell: float,
+    index: NDArray[np.int32],
+    away: FloatArray,
+) -> None:
+    for n in range(len(points)):
+        index[n] = nearest_index(points[n], table, low, cell)
+        away[n] = distance(points[n], targets[index[n]])
+
+
+@compiled
+def _mean_distances(
+    points: FloatArray,
+    turns: FloatArray,
+    shifts: FloatArray,
+    targets: FloatArray,
+    table: NDArray[np.int32],
+    low: FloatArray,
+    cell: float,
+    limit: float,
+    means: FloatArray,
+) -> None:
+    local = np.empty(3)
+    for p in range(len(turns)):
+        total = 0.0
+        for n in range(len(points)):
+            x, y, z = points[n, 0] - shifts[p, 0], points[n, 1] - shifts[p, 1], points[n, 2] - shifts[p, 2]
+            for k in range(3):
+                local[k] = x * turns[p, 0, k] + y * turns[p, 1, k] + z * turns[p, 2, k]
+            total += min(limit, distance(local, targets[nearest_index(local, table, low, cell)]))
+        means[p] = total / len(points)
 
 
 @compiled
@@ -63,11 +125,8 @@ def closest_points(
     off, row, centre, step = np.empty(3), np.empty(6), np.empty(3), np.empty(6)
     for _ in range(rounds):
         for n in range(count):
-            x = min(max(int((points[n, 0] - low[0]) / cell), 0), table.shape[0] - 1)
-            y = min(max(int((points[n, 1] - low[1]) / cell), 0), table.shape[1] - 1)
-            z = min(max(int((points[n, 2] - low[2]) / cell), 0), table.shape[2] - 1)
-            index[n] = table[x, y, z]
-            gaps[n] = _distance(points[n], targets[index[n]])
+            index[n] = nearest_index(points[n], table, low, cell)
+            gaps[n] = distance(points[n], targets[index[n]])
         limit = max(min(reach, np.sort(gaps)[int(0.8 * (count - 1))]), 0.002)
         used, size = 0, 1e-6
         centre[:] = 0.0
@@ -82,7 +141,7 @@ def closest_points(
             centre[k] /= used
         for n in range(count):
             if gaps[n] <= limit:
-                size += _distance(points[n], centre) / used
+                size += distance(points[n], centre) / used
         system, side = 1e-3 * used * np.eye(6), np.zeros(6)
         for n in range(count):
             if gaps[n] <= limit:
@@ -110,7 +169,8 @@ def closest_points(
 
 
 @compiled
-def _distance(one: FloatArray, other: FloatArray) -> float:
+def distance(one: FloatArray, other: FloatArray) -> float:
+    """Between two points (3,)."""
     return float(np.sqrt((one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2))
 
 

@@ -14,18 +14,19 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.articulated_files import read_articulated
-from gvla2.geometry.mesh_files import read_textured_mesh
+from gvla2.geometry.mesh_files import READABLE, read_textured_mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.array_cache import cache_folder, cached_arrays
+from gvla2.io.files import visible_files
 from gvla2.perception.articulated import joint_of
 from gvla2.perception.nearest import NearestPoints
 from gvla2.planning.colours import appearance
 from gvla2.planning.scene import PartJoint
 
-SUFFIXES = (".obj", ".glb", ".ply")
 POINTS, MOST_SAMPLES, SPACING = 3000, 12_000, 0.006
 """Least and most samples of a scan's surface; between them, one for each square of this side, metres."""
 LARGEST = 3.0
@@ -34,7 +35,9 @@ MOST_RESTS, LIKELY = 14, 0.99
 """Most resting poses tried, and the share of the total probability that they cover."""
 TRUNCATED = 0.02
 """Metres at which a point's distance from a scan is truncated."""
-VERSION = 7
+TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
+"""(20, 3, 3) turns about the vertical that are tried for each resting pose."""
+VERSION = 8
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
 """Stems that do not name an object: its folder does. Of several in a folder the first one here counts."""
 _MODELS = ("mobility", "robot", "urdf")
@@ -94,6 +97,15 @@ class KnownScan:
         """The nearest of its points."""
         return NearestPoints(self.points, TRUNCATED)
 
+    @cached_property
+    def lying(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The resting poses at each of :data:`TURNS` (K, 20, 3, 3), and the least and the greatest coordinates of the
+        scan so turned (K, 20, 3), metres.
+        """
+        turns = TURNS @ self.rests[:, None]
+        lain = turns @ self.corners.T
+        return turns, lain.min(axis=-1), lain.max(axis=-1)
+
 
 def corners_of(points: FloatArray) -> FloatArray:
     """(H, 3) the corners of the convex hull of points (N, 3); some of the points if they are all in a plane."""
@@ -118,15 +130,19 @@ def scan_files(folder: str | os.PathLike[str], *, joints: bool = False) -> dict[
     root = Path(folder).expanduser()
     if not root.is_dir():
         raise ConfigurationError(f"{root}: there is no such folder of scans.")
-    models = [p for p in root.rglob("*") if p.suffix.lower() == ".urdf" and p.is_file()]
+    every = visible_files(root)
+    models = [p for p in every if p.suffix.lower() == ".urdf"]
     within = {mesh for model in models for mesh in read_articulated(model).files}
-    files = [p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file()]
+    meshes = [p for p in every if p.suffix.lower() in READABLE]
+    order = {suffix: place for place, suffix in enumerate(READABLE)}
+    meshes.sort(key=lambda p: order[p.suffix.lower()], reverse=True)
+    files = list({p.with_suffix(""): p for p in meshes}.values())  # one of a scan in several formats
     files = [p for p in files if not any(word in p.stem.lower() for word in _FOR_PHYSICS)]
     files = sorted([*(models if joints else ()), *(p for p in files if p.absolute() not in within)])
     if not files:
         raise ConfigurationError(
             f"The folder {root} holds no mesh. Put scans there as NAME.glb or NAME/textured.obj "
-            f"({', '.join(SUFFIXES)}){', what has joints as NAME.urdf with its meshes' if joints else ''}."
+            f"({', '.join(READABLE)}){', what has joints as NAME.urdf with its meshes' if joints else ''}."
         )
     found: dict[str, Path] = {}
     for file in sorted(files, key=_rank):

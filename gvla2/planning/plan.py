@@ -21,12 +21,13 @@ class Abstention:
     """A planner's typed refusal: nothing is moved.
 
     ``unread``: words of the instruction were not understood, so a more capable planner may find a plan; the object need
-    not be absent.
+    not be absent. ``phrase`` is the noun phrase that no object fits, as it was said, "" for other reasons.
     """
 
     kind: AbstentionKind
     message: str
     unread: bool = False
+    phrase: str = ""
 
     @property
     def gives_way(self) -> bool:
@@ -37,9 +38,9 @@ class Abstention:
 class RefusedError(Exception):
     """Ends a search for calls or a plan with a refusal, its ``abstention``."""
 
-    def __init__(self, kind: AbstentionKind, message: str, unread: bool = False) -> None:
+    def __init__(self, kind: AbstentionKind, message: str, unread: bool = False, phrase: str = "") -> None:
         super().__init__(message)
-        self.abstention = Abstention(kind, message, unread)
+        self.abstention = Abstention(kind, message, unread, phrase)
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,9 @@ def frusta_bounds(silhouettes: Sequence[Silhouette]) -> FloatArray | None:
     every mask fills its whole image.
     """
     if all(s.cut.all() for s in silhouettes):
-        raise GeometryError("Every mask fills its whole image: nothing bounds the object.")
+        raise GeometryError(
+            "Every mask fills its whole image: nothing bounds the object. Are the masks inverted?"
+        )
     status, bounds = _box(np.array([row for s in silhouettes for row in _sides(s)]))
     if status == "open":
         # A mask that is cut on a side ends there for want of anything better.
@@ -271,7 +273,8 @@ def _agreeing(shown: tuple[Silhouette, ...]) -> tuple[tuple[Silhouette, ...], li
         if len(used) == 2:
             raise GeometryError(
                 f"The views {names} contradict each other or look the same way: nothing bounded lies in both "
-                "silhouettes. Check the cameras' poses and that the masks show the same object."
+                "silhouettes. Check that the masks show the same object, and the cameras' poses: are they inverted, "
+                "or of another convention?"
             )
         without = [used[:i] + used[i + 1 :] for i in range(len(used))]
         scores = [_coarse_agreement(rest) for rest in without]

@@ -23,7 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from gvla2.errors import Gvla2Error
+from gvla2.errors import Gvla2Error, reading
 from gvla2.io.files import make_folder, write_json
 from gvla2.record.page import render
 
@@ -33,17 +33,60 @@ _FILES_A_CHUNK = 1000
 
 
 @dataclass(frozen=True)
+class Film:
+    """A film's file, its number of ``frames``, their ``size`` (H, W), and their colours' statistics.
+
+    ``low`` and ``high`` (3,) are the least and the greatest, ``total`` and ``squares`` (3,) the sums of ``pixels``
+    colours in [0, 1] and of their squares.
+    """
+
+    path: Path
+    frames: int
+    size: tuple[int, int]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    total: NDArray[np.float64]
+    squares: NDArray[np.float64]
+    pixels: int
+
+    @classmethod
+    def read(cls, path: Path) -> Film:
+        """Read a film one frame at a time; raises :class:`Gvla2Error` for a file that is none."""
+        with reading("a film", path, Gvla2Error):
+            reader: Any = imageio_ffmpeg.read_frames(str(path))
+            width, height = next(reader)["size"]
+            frames = pixels = 0
+            low, high, total, squares = np.ones(3), np.zeros(3), np.zeros(3), np.zeros(3)
+            for frame in reader:
+                rgb = (
+                    np.frombuffer(frame, np.uint8).reshape(height, width, 3)[::4, ::4].reshape(-1, 3) / 255.0
+                )
+                low, high = np.minimum(low, rgb.min(0)), np.maximum(high, rgb.max(0))
+                total, squares = total + rgb.sum(0), squares + (rgb**2).sum(0)
+                frames, pixels = frames + 1, pixels + len(rgb)
+            if not frames:
+                raise Gvla2Error("it has no frames.")
+        return cls(path, frames, (height, width), low, high, total, squares, pixels)
+
+
+@dataclass(frozen=True)
 class Demonstration:
     """One episode: ``states`` (T, dof + 1) joints and opening, its ``film`` of T frames at ``fps``, its sentence; the
     ``robot`` by name, and ``source``, what else distinguishes arms and cameras.
+
+    Raises :class:`Gvla2Error` for a film with another number of frames.
     """
 
     states: NDArray[np.float32]
     fps: float
-    film: Path
+    film: Film
     task: str
     robot: str
     source: str = ""
+
+    def __post_init__(self) -> None:
+        if self.film.frames != len(self.states):
+            raise Gvla2Error(f"{self.film.path} has {self.film.frames} frames for {len(self.states)} states.")
 
     @property
     def actions(self) -> NDArray[np.float32]:
@@ -61,10 +104,9 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
         raise Gvla2Error("There is no episode to export.")
     if folder.exists() and any(folder.iterdir()):
         raise Gvla2Error(f"The folder '{folder}' is not empty: name a new one with to=FOLDER.")
-    films = [_frames(episode.film) for episode in episodes]
     kinds = {
-        (", ".join(filter(None, (e.robot, e.source))), e.fps, e.states.shape[1], f.shape[1:3])
-        for e, f in zip(episodes, films, strict=True)
+        (", ".join(filter(None, (e.robot, e.source))), e.fps, e.states.shape[1], e.film.size)
+        for e in episodes
     }
     if len(kinds) > 1:
         kinds_found = "; ".join(
@@ -73,35 +115,25 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
         raise Gvla2Error(
             f"One data set holds one arm at one rate and picture size, not several: {kinds_found}."
         )
-    for episode, film in zip(episodes, films, strict=True):
-        if len(film) != len(episode.states):
-            raise Gvla2Error(f"{episode.film} has {len(film)} frames for {len(episode.states)} states.")
     make_folder(folder)
     tasks = list(dict.fromkeys(episode.task for episode in episodes))
     for index, episode in enumerate(episodes):
         place = folder / "videos" / VIDEO / _place(index)
         make_folder(place.parent)
-        shutil.copyfile(episode.film, place.with_suffix(".mp4"))
+        shutil.copyfile(episode.film.path, place.with_suffix(".mp4"))
     _write(folder / "data" / _place(0), _data(episodes, tasks))
     _write(folder / "meta" / "episodes" / _place(0), _episodes(episodes))
     _write(folder / "meta" / "tasks", _tasks(tasks))
     names = [*(f"joint_{k}.pos" for k in range(1, episodes[0].states.shape[1])), "gripper.width"]
-    layout = {"video": VIDEO, "chunk": _CHUNK, "chunk_size": _FILES_A_CHUNK, "size": films[0].shape[1:3]}
+    layout = {"video": VIDEO, "chunk": _CHUNK, "chunk_size": _FILES_A_CHUNK, "size": episodes[0].film.size}
     held = {"episodes": episodes, "first": episodes[0], "tasks": tasks, "names": names}
     info = render("lerobot_info.json.jinja", **layout, **held)
     write_json(folder / "meta" / "info.json", json.loads(info))
-    write_json(folder / "meta" / "stats.json", _stats(episodes, films))
+    write_json(folder / "meta" / "stats.json", _stats(episodes))
 
 
 def _place(index: int) -> str:
     return _CHUNK.format(chunk_index=index // _FILES_A_CHUNK, file_index=index % _FILES_A_CHUNK)
-
-
-def _frames(film: Path) -> NDArray[np.uint8]:
-    """All frames (T, H, W, 3) of a film."""
-    reader: Any = imageio_ffmpeg.read_frames(str(film))
-    width, height = next(reader)["size"]
-    return np.stack([np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader])
 
 
 def _write(place: Path, table: pa.Table) -> None:
@@ -159,17 +191,25 @@ def _tasks(tasks: Sequence[str]) -> pa.Table:
     return table.replace_schema_metadata({b"pandas": render("lerobot_tasks.json.jinja").strip().encode()})
 
 
-def _stats(episodes: Sequence[Demonstration], films: Sequence[NDArray[np.uint8]]) -> dict[str, Any]:
+def _stats(episodes: Sequence[Demonstration]) -> dict[str, Any]:
     """Minimum, maximum, mean, standard deviation and count; of pictures by channel, in [0, 1]."""
-    rows = {
-        "observation.state": np.concatenate([episode.states for episode in episodes]),
-        "action": np.concatenate([episode.actions for episode in episodes]),
-        VIDEO: np.concatenate([film[:, ::4, ::4].reshape(-1, 3) for film in films]) / 255.0,
-    }
     count = sum(len(episode.states) for episode in episodes)
     stats: dict[str, Any] = {}
-    for name, numbers in rows.items():
-        exact, shape = numbers.astype(np.float64), (3, 1, 1) if name == VIDEO else (-1,)
-        four = {"min": exact.min(0), "max": exact.max(0), "mean": exact.mean(0), "std": exact.std(0)}
-        stats[name] = {key: value.reshape(shape) for key, value in four.items()} | {"count": [count]}
-    return stats
+    for name, rows in (
+        ("observation.state", [episode.states for episode in episodes]),
+        ("action", [episode.actions for episode in episodes]),
+    ):
+        exact = np.concatenate(rows).astype(np.float64)
+        stats[name] = {"min": exact.min(0), "max": exact.max(0), "mean": exact.mean(0), "std": exact.std(0)}
+    films = [episode.film for episode in episodes]
+    pixels = sum(film.pixels for film in films)
+    mean = sum((film.total for film in films), np.zeros(3)) / pixels
+    spread = sum((film.squares for film in films), np.zeros(3)) / pixels - mean**2
+    colours = {
+        "min": np.min([film.low for film in films], axis=0),
+        "max": np.max([film.high for film in films], axis=0),
+        "mean": mean,
+        "std": np.sqrt(np.maximum(spread, 0.0)),
+    }
+    stats[VIDEO] = {name: value.reshape(3, 1, 1) for name, value in colours.items()}
+    return {name: {**numbers, "count": [count]} for name, numbers in stats.items()}

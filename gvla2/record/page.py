@@ -20,6 +20,7 @@ from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_json, write_text
 from gvla2.record import wording
 from gvla2.record.drawing import css_colour, marker_colour
+from gvla2.record.origin import Origin
 from gvla2.record.pictures import CLOSED_COLOUR, OPEN_COLOUR, Pictures
 from gvla2.record.text import count, listing, one_line
 from gvla2.record.transcript import turns_of
@@ -33,6 +34,7 @@ def render_page(
     config_yaml: str = "",
     command: str = "run",
     beside: Sequence[str] = (),
+    origin: Origin | None = None,
 ) -> str:
     """The page of one episode as HTML text, also for a record whose later stages are None.
 
@@ -46,6 +48,7 @@ def render_page(
         command=command,
         config_yaml=config_yaml,
         beside=beside,
+        origin=origin or Origin(),
         finding=lambda stage: wording.finding(record, stage),
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import ConfigurationError, RobotError
+from gvla2.errors import ConfigurationError, RobotError, reading
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.geometry.views import View
@@ -153,10 +153,11 @@ def arm_from_urdf(config: ArmConfig) -> UrdfArm:
     urdf = without_looks(robot)
     with tempfile.TemporaryDirectory(prefix="gvla2-arm-") as folder:
         path = Path(folder) / file.name
-        path.write_text(urdf)
-        kinematics, gripper, hand = _tool(path, robot, config, gripper, base)
-        srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
-        collisions = CollisionModel(kinematics, path, hand_links=gripper.links, srdf=srdf)
+        path.write_text(urdf, "utf-8")
+        with reading("an arm", file, RobotError):  # the libraries' errors name a temporary file at best
+            kinematics, gripper, hand = _tool(path, robot, config, gripper, base)
+            srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
+            collisions = CollisionModel(kinematics, path, hand_links=gripper.links, srdf=srdf)
     frames = {
         str(f.name): f for f in kinematics.model.frames if f.type == library("pinocchio").FrameType.BODY
     }

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.urdf_files import link_of, numbers
 from gvla2.robot.kinematics import Finger, Kinematics
 from gvla2.robot.options import ArmConfig
-from gvla2.robot.urdf import link_of
 
 PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")
 _PALM_SIZE, _FINGER_SIZE, _TRAVEL = (0.064, 0.12, 0.06), (0.022, 0.013, 0.05), 0.0425
@@ -72,7 +72,7 @@ def own_gripper(robot: ET.Element, config: ArmConfig) -> Gripper:
     fingers = []
     for name in asked:
         limit = joints[name].find("limit")
-        ends = [0.0 if limit is None else float(limit.get(k, 0.0)) for k in ("lower", "upper")]
+        ends = [float(numbers(limit, k, (0.0,))[0]) for k in ("lower", "upper")]
         fingers.append(Finger(name, *ends))
     palm, *others = {link_of(joints[name], "parent") for name in asked}
     if others:

@@ -64,10 +64,9 @@ class Kinematics:
         self.model = pin.buildModelFromUrdf(str(urdf))
         self.world_from_base = world_from_base
         _place_base(self.model, pin.SE3(world_from_base))
-        if any(joint.nq != 1 for joint in list(self.model.joints)[1:]):
-            raise RobotError(
-                f"{urdf.name} has a joint without limits or with several axes, which is not supported."
-            )
+        free = [n for n, joint in zip(self.model.names, self.model.joints, strict=True) if joint.nq > 1]
+        if free:
+            raise RobotError(f"{urdf.name}: {', '.join(free)} have several axes, which is not supported.")
         frame = self.model.frames[self.model.getFrameId(tool_link)]
         if frame.parentJoint == 0:
             raise RobotError(
@@ -93,7 +92,10 @@ class Kinematics:
         self.high: FloatArray = np.array(self.arm.upperPositionLimit) - limit_margin
         self.velocity: FloatArray = np.array(self.arm.velocityLimit)
         if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low < self.high)).all():
-            raise RobotError(f"{urdf.name} has joints without usable limits.")
+            bad = ~(np.isfinite(self.low) & np.isfinite(self.high) & (self.low < self.high))
+            rows = zip(self.joint_names, self.low - limit_margin, self.high + limit_margin, bad, strict=True)
+            listing = ", ".join(f"{name} ({low:g} to {high:g})" for name, low, high, wrong in rows if wrong)
+            raise RobotError(f"Joints of {urdf.name} cannot move within their <limit>: {listing}.")
 
     def _column(self, name: str) -> int:
         return int(self.model.joints[self.model.getJointId(name)].idx_q)

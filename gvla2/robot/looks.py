@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError, RobotError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
-from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.geometry.urdf_files import numbers, origin_of, paint_of
 from gvla2.io.array_cache import cache_folder, cached_arrays
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Primitive, Solid
@@ -35,7 +35,7 @@ OWN_DEPTH = 0.010
 GREY = (0.7, 0.7, 0.7)
 
 _SEGMENTS = 48
-_VERSION = 3
+_VERSION = 4
 """Changes whenever a thinned mesh would: it is part of the cache's keys."""
 
 
@@ -44,37 +44,33 @@ def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
 
     ``drawn``: its simplified visuals, if any; else its full collision shapes.
     """
-    paints = {m.get("name"): m for m in robot.iterfind("material")}
     surfaces = {}
     for link in robot.iterfind("link"):
         solids = (link.findall("visual") if drawn else []) or link.findall("collision")
-        shapes = [shape for shape in (_shape(solid, paints, drawn) for solid in solids) if shape is not None]
+        shapes = [shape for shape in (_shape(solid, robot, drawn) for solid in solids) if shape is not None]
         if shapes:
             surfaces[link.get("name", "")] = _joined(shapes, identity=0)
     return surfaces
 
 
-def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: bool) -> Surface | None:
+def _shape(solid: ET.Element, robot: ET.Element, thinned: bool) -> Surface | None:
     """One visual or collision of a link, in the link's frame; its own colour, else its material's, else grey."""
-    material = solid.find("material")
-    if material is not None and material.find("color") is None:
-        material = paints.get(material.get("name"))
-    paint = None if material is None else material.find("color")
-    rgb: Any = GREY if paint is None else tuple(float(v) for v in paint.get("rgba", "").split()[:3])
+    paint = paint_of(solid, robot)
+    rgb: Any = GREY if paint is None else tuple(paint.tolist())
     shape = solid.find("geometry/*")
     if shape is not None and shape.tag == "mesh":
         surface = _read_mesh(Path(shape.get("filename", "")), rgb, thinned)
-        scale = np.array(shape.get("scale", "1 1 1").split(), dtype=np.float64)
-        surface = replace(surface, vertices=surface.vertices * scale)
+        surface = replace(surface, vertices=surface.vertices * numbers(shape, "scale", (1.0, 1.0, 1.0)))
     elif shape is not None and shape.tag in ("box", "cylinder", "sphere"):
-        size = [float(v) for v in shape.get("size", "").split()] or [2 * float(shape.get("radius", 0.0))] * 3
+        size = numbers(shape, "size", 2 * numbers(shape, "radius", (0.0,)).repeat(3))
+        size[2] = numbers(shape, "length", size[2:])[0]
         kind: Any = shape.tag
-        surface = _solid(Primitive(kind, (size[0], size[1], float(shape.get("length", size[2]))), rgb))
+        surface = _solid(Primitive(kind, tuple(size.tolist()), rgb))
     else:
         return None
     if not len(surface.faces):
         return None
-    return replace(surface, vertices=transform_points(_origin(solid.find("origin")), surface.vertices))
+    return replace(surface, vertices=transform_points(origin_of(solid), surface.vertices))
 
 
 @lru_cache(maxsize=64)
@@ -86,9 +82,8 @@ def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> Surface:
             textured = read_textured_mesh(path, up="z")
         except GeometryError as error:
             raise RobotError(str(error)) from error
-        mesh, colours = textured.mesh, textured.rgb.mean(axis=1).astype(np.float64)
-        if not textured.images and bool((textured.rgb == np.float32(GREY[0])).all()):
-            colours = np.tile(rgb, (len(mesh.faces), 1))
+        mesh = textured.mesh
+        colours = textured.face_colours if textured.has_colours else np.tile(rgb, (len(mesh.faces), 1))
         if not thinned:
             return {"vertices": mesh.vertices, "faces": mesh.faces, "rgb": colours}
         coarse, kept = TriangleMesh(mesh.vertices, mesh.faces).clustered(CELL)
@@ -149,12 +144,3 @@ def _joined(surfaces: Sequence[Surface], identity: int) -> Surface:
         np.concatenate([s.rgb for s in surfaces]),
         identity,
     )
-
-
-def _origin(element: ET.Element | None) -> FloatArray:
-    """(4, 4) of a URDF ``origin``."""
-    if element is None:
-        return np.eye(4)
-    xyz = np.array(element.get("xyz", "0 0 0").split(), dtype=np.float64)
-    rpy = np.array(element.get("rpy", "0 0 0").split(), dtype=np.float64)
-    return rigid(Rotation.from_euler("xyz", rpy).as_matrix(), xyz)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Collection, Sequence
@@ -14,14 +15,21 @@ from pathlib import Path
 
 import numpy as np
 
-from gvla2.errors import GeometryError, MissingDependencyError, RobotError
+from gvla2.errors import MissingDependencyError, RobotError, reading
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
+from gvla2.geometry.urdf_files import SLIDES, find_beside, link_of, mesh_name, numbers, parse_urdf
 from gvla2.io.array_cache import cache_folder
 
 PACKAGE = "package://"
 _DESCRIPTIONS = "example-robot-data"
-_XACRO = "{http://www.ros.org/wiki/xacro}"
+TURNING_SPEED, SLIDING_SPEED, EFFORT = 2.0, 0.1, 100.0
+"""What joints get that state no speed (rad/s; m/s) and no force (Nm; N)."""
+_USUAL_SPEEDS = (
+    f"they get {TURNING_SPEED:g} rad/s, sliding ones {SLIDING_SPEED:g} m/s; state <limit velocity=...>"
+)
+
+log = logging.getLogger(__name__)
 
 
 def find_file(name: str, option: str) -> Path:
@@ -39,18 +47,16 @@ def find_file(name: str, option: str) -> Path:
 def read_urdf(path: Path) -> ET.Element:
     """The ``robot`` element of a file, ready for kinematics and simulation.
 
-    Meshes get their full paths; continuous joints get limits of a turn either way; links with only visuals collide by
-    these. Raises :class:`RobotError` for a file that is not a URDF, for a missing mesh, and if no link has a shape.
+    Meshes get their full paths; continuous joints get limits of a turn either way, and joints without a speed or a
+    force usual ones; links with only visuals collide by these. Raises :class:`RobotError` for a file that is not a
+    URDF (:func:`gvla2.geometry.urdf_files.parse_urdf`), for a missing mesh, and if no link has a shape.
     """
-    try:
-        robot = ET.parse(path).getroot()
-    except ET.ParseError as error:
-        raise RobotError(f"{path} is not XML ({error}); robot.urdf needs a URDF.") from error
-    if robot.tag != "robot" or any(str(e.tag).startswith(_XACRO) for e in robot.iter()):
-        raise RobotError(
-            f"{path} has a <{robot.tag}> with xacro in it or is no <robot>; robot.urdf needs a plain URDF. "
-            "`xacro FILE.xacro > FILE.urdf` makes one."
-        )
+    with reading("a URDF", path, RobotError):
+        return _prepared(parse_urdf(path), path)
+
+
+def _prepared(robot: ET.Element, path: Path) -> ET.Element:
+    """The ``robot`` of a file, changed as :func:`read_urdf` says."""
     for link in robot.iterfind("link"):
         name = link.get("name", "")
         if any(len(geometry) != 1 for geometry in link.iter("geometry")):
@@ -65,18 +71,15 @@ def read_urdf(path: Path) -> ET.Element:
                 collision = ET.SubElement(link, "collision")
                 collision.extend(deepcopy(e) for e in visual if e.tag in ("origin", "geometry"))
         for mesh in link.iterfind("collision/geometry/mesh"):
-            if mesh.get("filename", "").lower().endswith(".dae"):
-                mesh.set("filename", str(_as_obj(Path(mesh.get("filename", "")))))
+            mesh.set("filename", str(_as_obj(Path(mesh.get("filename", "")))))
     names = {link.get("name") for link in robot.iterfind("link")}
     named = [(j, "name") for j in robot.iterfind("joint")] + [(m, "joint") for m in robot.iter("mimic")]
     for element, key in named:
         if element.get(key) in names:  # pinocchio does not distinguish the two
             element.set(key, f"{element.get(key)}_joint")
-    for joint in robot.iterfind("joint[@type='continuous']"):
-        joint.set("type", "revolute")
-        limit = joint.find("limit")
-        limit = ET.SubElement(joint, "limit", effort="100", velocity="2") if limit is None else limit
-        limit.attrib.update(lower=str(-2 * np.pi), upper=str(2 * np.pi))
+    unstated = [joint.get("name") for joint in robot.iterfind("joint") if not _complete_limits(joint)]
+    if unstated:
+        log.warning("%s states no speed of %s: %s.", path, ", ".join(map(str, unstated)), _USUAL_SPEEDS)
     if robot.find("link/collision") is None:
         raise RobotError(
             f"None of the {len(robot.findall('link'))} links of {path} has a <collision> or <visual>: there is nothing "
@@ -100,18 +103,35 @@ def freeze(robot: ET.Element, links: Collection[str], moving: Collection[str]) -
                 joint.remove(mimic)
 
 
+def _complete_limits(joint: ET.Element) -> bool:
+    """Complete the limits of a joint that moves; whether its speed was stated. Many exporters write 0 for "not"."""
+    kind = joint.get("type", "")
+    if kind not in SLIDES:
+        return True
+    limit = joint.find("limit")
+    stated = kind == "continuous" or numbers(limit, "velocity", (0.0,))[0] > 0
+    limit = ET.SubElement(joint, "limit") if limit is None else limit
+    for name, usual in (("velocity", SLIDING_SPEED if SLIDES[kind] else TURNING_SPEED), ("effort", EFFORT)):
+        if not numbers(limit, name, (0.0,))[0] > 0:
+            limit.set(name, str(usual))
+    if kind == "continuous":
+        joint.set("type", "revolute")
+        limit.attrib.update(lower=str(-2 * np.pi), upper=str(2 * np.pi))
+    return bool(stated)
+
+
 def find_mesh(urdf: Path, filename: str, link: str = "") -> Path:
     """The file of a mesh name in a URDF.
 
     It is absolute, relative to the URDF, or ``package://`` under one of the URDF's parents or of an installed package.
     """
-    name = filename.removeprefix("file://").removeprefix(PACKAGE)
-    found = next((p / name for p in urdf.absolute().parents if (p / name).is_file()), None)
+    found = find_beside(urdf, filename)
     found = found or (_in_package(filename) if filename.startswith(PACKAGE) else None)
     if found is None:
         raise RobotError(
-            f"The mesh {filename} of {f'link {link} in ' if link else ''}{urdf} does not exist. Looked for {name} "
-            "beside the file, in the folders above it and in installed packages: put it there, or fix the path."
+            f"The mesh {filename} of {f'link {link} in ' if link else ''}{urdf} does not exist. Looked for "
+            f"{mesh_name(filename)} beside the file, in the folders above it and in installed packages: put it there, "
+            "or fix the path."
         )
     return found
 
@@ -125,33 +145,31 @@ def without_looks(robot: ET.Element) -> str:
     return ET.tostring(bare, encoding="unicode")
 
 
-def link_of(joint: ET.Element, end: str) -> str:
-    """The name of a joint's ``parent`` or ``child`` link."""
-    found = joint.find(end)
-    return "" if found is None else found.get("link", "")
+def _as_obj(source: Path) -> Path:
+    """The triangles of a collision mesh in metres as an OBJ file in the cache; STL files stay as they are.
 
-
-def _as_obj(collada: Path) -> Path:
-    """A COLLADA file's triangles in metres as an OBJ file in the cache.
-
-    Collision checkers and simulators disagree on the unit and the nodes of COLLADA; an OBJ file they read alike.
+    Collision checkers and simulators disagree on units, nodes, axes and unused vertices; a plain OBJ file or an STL
+    file, which have none of these, they read alike.
     """
-    try:
-        content = collada.read_bytes()
-        target = cache_folder() / "collision" / f"{hashlib.sha256(content).hexdigest()[:32]}.obj"
+    if source.suffix.lower() == ".stl" or source.is_relative_to(cache_folder()):
+        return source
+    with reading("the collision mesh", source, RobotError):
+        files = [source, *source.parent.glob("*.bin")] if source.suffix.lower() == ".gltf" else [source]
+        digest = hashlib.sha256(source.suffix.lower().encode())
+        for file in files:
+            digest.update(file.read_bytes())
+        target = cache_folder() / "collision" / f"{digest.hexdigest()[:32]}.obj"
         if not target.is_file():
-            mesh = read_mesh(collada, up="z")
+            mesh = read_mesh(source, up="z")
             target.parent.mkdir(parents=True, exist_ok=True)
             write_mesh(target, TriangleMesh(mesh.vertices, mesh.faces))
-    except (OSError, GeometryError) as error:
-        raise RobotError(f"The collision mesh {collada} can't be prepared: {error}") from error
     return target
 
 
 @lru_cache
 def _in_package(name: str) -> Path | None:
     """The file of ``package://PACKAGE/PATH``: in ROS's folders, an installed distribution or a Python package."""
-    package, _, rest = name.removeprefix(PACKAGE).partition("/")
+    package, _, rest = name.removeprefix(PACKAGE).lstrip("/").partition("/")
     for folder in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
         for root in (Path(folder), Path(folder) / package):
             if root.name == package and (root / rest).is_file():

@@ -153,7 +153,8 @@ def ground(
 def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> RefusedError:
     seen = ", ".join(sorted(o.label for o in scene.objects)) or "nothing"
     partly = any(_heads(noun.words, o, level) for level in range(3) for o in pool)
-    return RefusedError("nothing_matches", f"Nothing here is '{noun.text}'; the scene has: {seen}.", partly)
+    message = f"Nothing here is '{noun.text}'; the scene has: {seen}."
+    return RefusedError("nothing_matches", message, partly, " ".join(noun.words))
 
 
 def _antecedents(

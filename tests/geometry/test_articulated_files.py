@@ -92,9 +92,33 @@ BROKEN = {
     ),
     "limits are words": (TWO + joint("base", "a", '<limit lower="shut" upper="1"/>'), 'lower="shut"'),
     "limits are endless": (TWO + joint("base", "a", '<limit lower="0" upper="inf"/>'), 'upper="inf"'),
-    "slides without limits": (TWO + joint("base", "a"), "'base_a' has no <limit>"),
+    "slides without limits": (TWO + joint("base", "a"), "'base_a' .prismatic. has no <limit"),
+    "comma": (link("base", BOX.replace("0.1 0.2 0.3", "0,1 0,2 0,3")), "size.*of link 'base' needs 3 finite"),
+    "expression": (link("base", BOX.replace("0.3", "${h}")), "xacro expands"),
+    "two roots": (TWO, "several roots, base, a"),
+    "twice": (link("base", BOX) * 2, "two links called 'base'"),
+    "carried twice": (
+        TWO + joint("base", "a", SLIDE) + joint("base", "a", "", "fixed").replace("base_a", "j"),
+        "two joints",
+    ),
+    "child unknown": (TWO + joint("base", "b", SLIDE), "its child link 'b' does not exist"),
+    "type unknown": (TWO + joint("base", "a", SLIDE, "screw"), "the type 'screw'"),
     "two numbers": (TWO + joint("base", "a", '<origin xyz="0 1"/>' + SLIDE), "3 finite numbers"),
 }
+
+
+def test_prefixes_without_a_declaration_byte_order_marks_and_windows_paths(written, tmp_path):
+    (tmp_path / "a b").mkdir()
+    trimesh.creation.box((2.0, 2.0, 2.0)).export(tmp_path / "a b" / "cube.ply")
+    names = ("a b\\cube.ply", "package://a b/cube.ply", f"file://{tmp_path}/a%20b/cube.ply")
+    for name in names:
+        mesh = f'<visual><geometry><mesh filename="{name}" scale=""/></geometry></visual>'
+        path = written(
+            "<?xml version='1.0'?><robot name='r'>" + link("base", mesh + "<drake:compliance/>") + "</robot>"
+        )
+        path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b">", b">\r\n"))
+        ((_, cube),) = read_articulated(path).meshes()
+        assert cube.mesh.bounds.tolist() == [[-1, -1, -1], [1, 1, 1]]
 
 
 @pytest.mark.parametrize("case", BROKEN)

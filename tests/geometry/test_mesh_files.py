@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import base64
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +99,95 @@ def test_polygons_with_negative_indices_and_stray_vertices(tmp_path: Path) -> No
     assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 0]]
 
 
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+QUAD = "f 1/1 2/2 3/3 4/4\n"
+LIBRARIES = {
+    "tex.mtl": "newmtl m\nKd 1 1 1\nmap_Kd my red.png\n",
+    "windows.mtl": "newmtl m\r\nKd 1 1 1\r\nmap_Kd C:\\\\scans\\\\MY%20RED.PNG\r\n",
+    "options.mtl": "\ufeffnewmtl m\nmap_Kd -s 1 1 1 -blendu on -o 0 0 0 my red.png\n",
+    "gone.mtl": "newmtl m\nKd 1 0 0\nmap_Kd gone.png\n",
+    "my colours.mtl": "newmtl my red\nKd 1 0 0\nnewmtl m\nKd 1 0 0\n",
+}
+RED_SQUARES = {
+    "texture": f"mtllib tex.mtl\n{SQUARE}usemtl m\n{QUAD}",
+    "byte order mark": f"\ufeffmtllib tex.mtl\n{SQUARE}usemtl m\n{QUAD}",
+    "CR LF": f"mtllib tex.mtl\n{SQUARE}usemtl m\n{QUAD}".replace("\n", "\r\n"),
+    "CR": f"mtllib tex.mtl\n{SQUARE}usemtl m\n{QUAD}".replace("\n", "\r"),
+    "Windows paths": f"mtllib windows.mtl\n{SQUARE}usemtl m\n{QUAD}",
+    "options of pictures": f"mtllib options.mtl\n{SQUARE}usemtl m\n{QUAD}",
+    "a missing picture": f"mtllib gone.mtl\n{SQUARE}usemtl m\n{QUAD}",
+    "spaces in names": f"mtllib my colours.mtl\n{SQUARE}usemtl my red\n{QUAD}",
+    "two libraries": f"mtllib my colours.mtl\nmtllib tex.mtl\n{SQUARE}usemtl my red\nf 1/1 2/2 3/3\nusemtl m\n"
+    "f 1/1 3/3 4/4\n",
+    "tabs": f"mtllib\ttex.mtl\n{SQUARE}usemtl\tm\n{QUAD}".replace(" ", "  "),
+    "comments": f"# M\u00fcller\nmtllib tex.mtl\n{SQUARE}usemtl m\n{QUAD[:-1]} # a quad\n",
+    "continued lines": f"mtllib tex.mtl\n{SQUARE}usemtl m\n" + QUAD.replace(" 3/3", " \\\n3/3"),
+    "colours of vertices": SQUARE.replace("0\nv", "0 255 0 0\nv").replace("0 1 0\nvt", "0 1 0 255 0 0\nvt")
+    + "f 1 2 3 4\n",
+}
+
+
+@pytest.mark.parametrize("dialect", RED_SQUARES)
+def test_a_red_square_in_the_dialects_of_obj(tmp_path: Path, dialect: str) -> None:
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "my red.png")
+    for name, text in LIBRARIES.items():
+        (tmp_path / name).write_bytes(text.encode())
+    (tmp_path / "m.obj").write_bytes(RED_SQUARES[dialect].encode())
+    textured = read_textured_mesh(tmp_path / "m.obj")
+    assert textured.mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 0]]
+    assert np.allclose(textured.face_colours, [1, 0, 0])
+    assert len(textured.mesh.faces) == 2
+
+
+def test_a_missing_library_leaves_a_mesh_without_colours(tmp_path: Path) -> None:
+    (tmp_path / "m.obj").write_text(f"mtllib gone.mtl\n{SQUARE}usemtl m\n{QUAD}")
+    assert not read_textured_mesh(tmp_path / "m.obj").has_colours
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda tree, base: base["baseColorTexture"].update(texCoord=1),
+        lambda tree, base: base["baseColorTexture"].update(
+            extensions={"KHR_texture_transform": {"offset": [0.5, 0.0]}}
+        ),
+        lambda tree, base: base["baseColorTexture"].update(
+            extensions={"KHR_texture_transform": {"rotation": np.pi, "offset": [1.0, 1.0]}}
+        ),
+        lambda tree, base: tree["materials"][0].update(
+            pbrMetallicRoughness={},
+            extensions={"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 0, 0, 1]}},
+        ),
+    ],
+    ids=["second set", "moved", "turned", "specular-glossiness"],
+)
+def test_where_gltf_files_have_their_colour(tmp_path: Path, change: Callable[..., None]) -> None:
+    """The picture's left half is blue, its right half red; the first set of coordinates lies on the left."""
+    picture = Image.new("RGB", (4, 4), (0, 0, 255))
+    picture.paste((255, 0, 0), (2, 0, 4, 4))
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=picture)
+    visual = trimesh.visual.TextureVisuals(uv=np.full((4, 2), 0.2), material=material)
+    made = trimesh.Trimesh(square, [[0, 1, 2], [0, 2, 3]], visual=visual, process=False)
+
+    files = made.scene().export(file_type="gltf")
+    tree = json.loads(files.pop("model.gltf"))
+    other = np.full((4, 2), 0.8, dtype=np.float32).tobytes()
+    uri = f"data:application/octet-stream;base64,{base64.b64encode(other).decode()}"
+    tree["buffers"].append({"uri": uri, "byteLength": len(other)})
+    tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": len(other)})
+    view = len(tree["bufferViews"]) - 1
+    tree["accessors"].append({"bufferView": view, "componentType": 5126, "count": 4, "type": "VEC2"})
+    attributes = tree["meshes"][0]["primitives"][0]["attributes"]
+    attributes["TEXCOORD_1"] = len(tree["accessors"]) - 1
+    change(tree, tree["materials"][0]["pbrMetallicRoughness"])
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    (tmp_path / "m.gltf").write_text(json.dumps(tree))
+    textured = read_textured_mesh(tmp_path / "m.gltf")
+    assert np.allclose(textured.face_colours, [1, 0, 0], atol=0.01)
+
+
 CORNERS = [(x, y, z) for z in (0, 0.3) for x, y in ((0, 0), (0.1, 0), (0.1, 0.2), (0, 0.2))]
 SIDES = [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
 FANS = " ".join(f"{a} {b} {c} {a} {c} {d}" for a, b, c, d in SIDES)
@@ -178,6 +270,44 @@ def test_collada_nodes_units_and_axes(
         np.testing.assert_allclose(mesh.colours, np.tile([1.0, 0, 0], (8, 1)))
 
 
+LOST_PICTURE = (
+    '<effect id="e"><profile_COMMON><newparam sid="s"><sampler2D><source>gone-surface</source></sampler2D></newparam>'
+    '<technique sid="c"><lambert><diffuse><texture texture="s" texcoord="UV"/></diffuse></lambert></technique>'
+)
+
+
+@pytest.mark.parametrize(
+    ("found", "instead"),
+    [
+        (
+            '<effect id="e"><profile_COMMON><technique sid="c"><lambert><diffuse><color>1 0 0 1</color></diffuse>',
+            "",
+        ),
+        ('<instance_effect url="#e"/>', '<instance_effect url="#gone"/>'),
+        ('target="#red"', 'target="#gone"'),
+        ("<?xml", "\ufeff<?xml"),
+    ],
+    ids=["a picture", "an effect", "a material", "nothing but a mark"],
+)
+def test_collada_whose_materials_refer_to_what_it_lacks(tmp_path: Path, found: str, instead: str) -> None:
+    path = collada(tmp_path / "box.dae")
+    text = path.read_text()
+    assert found in text
+    if not instead:
+        found, instead = f"{found}</lambert></technique>", LOST_PICTURE
+    path.write_text(text.replace(found, instead))
+    mesh = read_mesh(path)
+    assert len(mesh.faces) == 12
+    np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [0.1, 0.2, 0.3]], atol=1e-6)
+
+
+def test_collada_that_places_what_it_lacks_is_refused(tmp_path: Path) -> None:
+    path = collada(tmp_path / "box.dae")
+    path.write_text(path.read_text().replace('url="#g"', 'url="#gone"'))
+    with pytest.raises(GeometryError, match=r"box\.dae: it places gone, which it does not hold"):
+        read_mesh(path)
+
+
 def test_a_robots_tools_ignore_the_up_axis_of_collada(tmp_path: Path) -> None:
     mesh = read_mesh(collada(tmp_path / "box.dae", up="Y_UP"), up="z")
     np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [0.1, 0.2, 0.3]], atol=1e-6)
@@ -204,6 +334,8 @@ def compressed(path: Path) -> None:
         ("m.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
         ("m.obj", b"", "m.obj"),
         ("m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n", "m.off"),
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "'f 0 1 2' names vertex 0"),
+        ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "m.obj"),
         ("m.glb", compressed, "EXT_meshopt_compression"),
     ],
 )

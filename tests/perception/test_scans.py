@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import trimesh
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.perception.scans import read_scan, read_scans, scan_files
@@ -63,3 +64,16 @@ def test_folders_that_are_no_gallery(tmp_path, world, case):
         (folder / "brick.glb").write_bytes(b"glTF")
     with pytest.raises((ConfigurationError, GeometryError), match=said):
         read_scans(folder)
+
+
+def test_what_systems_leave_behind_is_no_object_and_a_scan_in_two_formats_is_one(tmp_path):
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    for name in ("mug.obj", "mug.stl", "__MACOSX/tea.ply", ".git/pack.ply", "pan/pan.off"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        box.export(tmp_path / name)
+    for name in ("._mug.ply", "pan/._pan.obj", "__MACOSX/._cup.ply"):
+        (tmp_path / name).write_bytes(b"\x00\x05\x16\x07")
+    assert {name: file.name for name, file in scan_files(tmp_path).items()} == {
+        "mug": "mug.obj",
+        "pan": "pan.off",
+    }

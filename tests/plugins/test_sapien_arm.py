@@ -217,6 +217,9 @@ def test_arms_of_a_package_lift_a_cube(name):
 VISUAL = '<visual><geometry><mesh filename="package://six/none.stl"/></geometry></visual>'
 
 
+CAP = (
+    '<link name="cap">{}</link><joint name="j" type="fixed"><parent link="base"/><child link="cap"/></joint>'
+)
 EMPTY = "<visual><geometry/></visual>"
 
 
@@ -236,13 +239,13 @@ EMPTY = "<visual><geometry/></visual>"
         (None, {"urdf": "nowhere.urdf"}, r"robot\.urdf=nowhere\.urdf is no file"),
         (None, {"urdf": "package://nobody/arm.urdf"}, "in no installed package"),
         (None, {"tool_link": "base", "gripper_joints": []}, "No joint of six.urdf moves the tool's link 'base'"),
-        (urdf(extra=f'<link name="cap">{EMPTY}</link>'), {}, r"<geometry> of link cap in .*six\.urdf does not hold"),
+        (urdf(extra=CAP.format(EMPTY)), {}, r"<geometry> of link cap in .*six\.urdf does not hold"),
         (None, {"urdf": "", "tool_link": ""}, r"needs robot\.urdf=\.\.\. and robot\.tool_link=.*your_arm\.md"),
         (urdf(shapes=False), {}, "None of the 11 links of .* has a <collision> or <visual>"),
-        (urdf(extra=f'<link name="cap">{VISUAL}</link>'), {}, r"mesh .*six/none\.stl of link cap in .*not exist"),
+        (urdf(extra=CAP.format(VISUAL)), {}, r"mesh .*six/none\.stl of link cap in .*not exist"),
         (urdf(travel=0.0), {}, r"The gripper cannot open: .*finger_a_joint.*\(0\.0, 0\.0\).*Correct the joints"),
-        ("<robot", {}, "is not XML"),
-        ("<sdf/>", {}, "needs a plain URDF"),
+        ("<robot", {}, r"Cannot read a URDF from .*six\.urdf"),
+        ("<sdf/>", {}, "<sdf>, not <robot>; a URDF is needed"),
     ],
 )  # fmt: skip
 def test_errors_name_what_exists_and_what_to_do(make, text, changed, expected):

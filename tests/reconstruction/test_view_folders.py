@@ -156,6 +156,45 @@ def test_gso_trouble_names_the_file(views, tmp_path):
         read_views(tmp_path, "2")
 
 
+def _palette(shape):
+    picture = Image.fromarray(shape.astype(np.uint8), "P")
+    picture.putpalette([0, 0, 0, 128, 0, 0] + [0] * 762)
+    return picture
+
+
+@pytest.mark.parametrize(
+    "encode",
+    [
+        lambda shape: Image.fromarray(shape.astype(np.uint8)),
+        lambda shape: Image.fromarray(shape),
+        lambda shape: Image.fromarray(shape.astype(np.uint16)),
+        lambda shape: Image.fromarray(shape.astype(np.uint16) * 65535),
+        lambda shape: Image.fromarray(np.stack([255 * shape, 0 * shape, 0 * shape], -1).astype(np.uint8)),
+        lambda shape: Image.fromarray(np.stack([255 * shape, 0 * shape + 255], -1).astype(np.uint8), "LA"),
+        lambda shape: Image.fromarray(np.stack([0 * shape, 255 * shape], -1).astype(np.uint8), "LA"),
+        _palette,
+    ],
+    ids=["0/1", "bits", "16 bits 0/1", "16 bits", "red", "opaque alpha", "alpha", "palette"],
+)
+def test_masks_as_other_tools_write_them(views, tmp_path, encode):
+    write_plain(tmp_path, views)
+    shape = np.zeros(views[0].image.shape[:2], dtype=bool)
+    shape[2:6, 3:9] = True
+    encode(shape).save(tmp_path / "masks" / "0.PNG", "PNG")
+    (tmp_path / "masks" / "0.png").unlink()
+    cameras = tmp_path / "cameras.json"
+    cameras.write_bytes(b"\xef\xbb\xbf" + cameras.read_bytes().replace(b"\n", b"\r\n"))
+    assert (read_views(tmp_path)[0].mask == shape).all()
+
+
+def test_a_mask_of_several_labels_is_refused(views, tmp_path):
+    write_plain(tmp_path, views)
+    labels = np.arange(views[0].image[..., 0].size).reshape(views[0].image.shape[:2]) % 3
+    Image.fromarray(labels.astype(np.uint8)).save(tmp_path / "masks" / "0.png")
+    with pytest.raises(GeometryError, match=r"masks/0\.png has the values 0, 1, 2"):
+        read_views(tmp_path)
+
+
 def _broken(views, tmp_path, change):
     write_plain(tmp_path, views)
     document = json.loads((tmp_path / "cameras.json").read_text())
@@ -173,7 +212,9 @@ def _broken(views, tmp_path, change):
         (lambda d: d["views"][0].pop("T"), "view '0'.*needs K, and T"),
         (lambda d: d["views"][0].update(name="9"), "view '9'.*no .*9.png"),
         (lambda d: d.update(convention="directx"), "'directx' is unknown.*opencv, opengl"),
+        (lambda d: d["views"][0].update(K=[[100, 0, 48], [0, 100, 48], [0, 0, 1]]), "view '0'.*96x96 pixels"),
         (lambda d: d.update(views=[]), "lists 0 views"),
+        (lambda d: d.update(views=[3]), "list 'views'"),
         (lambda d: d.pop("views"), "list 'views'"),
     ],
 )

@@ -15,7 +15,7 @@ from gvla2.robot.backend import Moment
 
 pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
 
-from gvla2.record.lerobot import VIDEO, Demonstration, write_dataset  # noqa: E402 - needs it
+from gvla2.record.lerobot import VIDEO, Demonstration, Film, write_dataset  # noqa: E402 - needs it
 
 # imageio-ffmpeg leaves the pipe to its reading process to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
@@ -55,7 +55,7 @@ def demonstration(folder: Path, task: str = "lift it", **size: int) -> Demonstra
     keep(folder, **size)
     with np.load(folder / STATES) as kept:
         states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
-    return Demonstration(states, FPS, folder / FILM, task, "sapien_panda")
+    return Demonstration(states, FPS, Film.read(folder / FILM), task, "sapien_panda")
 
 
 def test_every_frame_has_its_state(tmp_path: Path):
@@ -99,7 +99,11 @@ def test_the_data_set_has_the_published_layout(tmp_path: Path):
         place = {name: row[f"videos/{VIDEO}/{name}"] for name in ("chunk_index", "file_index")}
         assert (target / info["video_path"].format(video_key=VIDEO, **place)).is_file()
     stats = json.loads((target / "meta/stats.json").read_text())
-    assert np.shape(stats[VIDEO]["mean"]) == (3, 1, 1)
+    reds = np.concatenate([30 * np.arange(n) for n in (7, 5, 7)]) / 255
+    expected = {"min": reds.min(), "max": reds.max(), "mean": reds.mean(), "std": reds.std()}
+    for name, value in expected.items():
+        assert np.shape(stats[VIDEO][name]) == (3, 1, 1)
+        assert stats[VIDEO][name][0][0][0] == pytest.approx(value, abs=0.05)
     assert stats["action"]["count"] == [19]
 
 
@@ -146,3 +150,18 @@ def test_the_command_takes_successes_below_any_folder(tmp_path: Path, capsys: py
     assert "1 in several attempts" in printed
     assert cli.main(["export", "lerobot", str(runs), f"to={tmp_path / 'all'}", "only=all"]) == 0
     assert capsys.readouterr().out.startswith("3 episodes")
+
+
+def test_what_cannot_be_read_is_left_out_by_name_and_no_episode_is_written_twice(tmp_path, capsys):
+    runs = tmp_path / "runs"
+    for name in ("good", "cut", "film", "foreign", "lacking", ".trash"):
+        result(keep(runs / name))
+    (runs / "cut" / STATES).write_bytes((runs / "cut" / STATES).read_bytes()[:300])
+    (runs / "film" / FILM).write_bytes(b"no film")
+    (runs / "foreign" / "result.json").write_bytes(b"\xff\xfe{")
+    (runs / "lacking" / "result.json").write_text('{"episode": "e", "success": true}')
+    assert cli.main(["export", "lerobot", str(runs), str(runs / "good"), f"to={tmp_path / 'set'}"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("1 episode, 7 frames")
+    assert "4 unreadable" in printed
+    assert all(str(runs / name) in printed for name in ("cut", "film", "foreign", "lacking"))

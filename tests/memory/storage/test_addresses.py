@@ -45,6 +45,16 @@ def test_the_file_has_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert parsed(tmp_path / "round").database == str(tmp_path / "round")
 
 
+@pytest.mark.parametrize("name", ["h?one", "p%41q", "a#b", "with space", "c&d=e"])
+def test_a_home_may_have_characters_that_urls_read_otherwise(tmp_path: Path, name: str) -> None:
+    address = resolved_address("", {"GVLA2_HOME": str(tmp_path / name)})
+    assert resolved_address(address, {}) == address
+    (tmp_path / name).mkdir()
+    Store.open(address).close()
+    assert [path.name for path in (tmp_path / name).glob("*.db")] == ["memory.db"]
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
 @pytest.mark.parametrize(
     "name",
     ["", " ", "a b", "a,b", "a\nb", "a\x00b", "x\x1b[31m", "\u202eabc", "a\u200bb", "bu\u0308cher",

@@ -1,0 +1,115 @@
+"""A closer look: a camera on the arm is moved to a side of an object that no camera has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import FloatArray, invert_rigid, look_along
+from gvla2.geometry.views import Observation
+from gvla2.planning.arm import Arm
+from gvla2.planning.calls import SkillOptions
+from gvla2.planning.findings import FREE_CLEARANCE
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+
+ON_THE_ARM = 0.3
+"""Distance of a camera from the tool below which it is on the arm, metres."""
+AWAY = 0.15
+"""Metres between the camera and the object: nearer ones are out of focus, or have no depth."""
+TURNS = np.radians(np.arange(-180, 180, 30))
+RISES = np.radians([25.0, 40.0, 55.0])
+"""Directions of a look: about the object, and above the level. From higher up the sides are not seen."""
+NEW = np.radians(30.0)
+"""Least angle between a look and the cameras that have seen the object."""
+HIDDEN = 0.005
+"""A line of sight that is nearer to another object's box is blocked, metres."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """The motion that takes the camera on the arm to a place (3,) from which it sees an object."""
+
+    object: SceneObject
+    trajectory: Trajectory
+    position: FloatArray
+
+
+def camera_on_arm(observation: Observation) -> Camera | None:
+    """The camera nearest to the tool, if it is near enough to be on the arm."""
+
+    def away(camera: Camera) -> float:
+        return float(np.linalg.norm(camera.position - observation.world_from_tcp[:3, 3]))
+
+    nearest = min((view.camera for view in observation.views), key=away)
+    return nearest if away(nearest) < ON_THE_ARM else None
+
+
+def closer_look(
+    wanted: Sequence[SceneObject],
+    scene: Scene,
+    arm: Arm,
+    observation: Observation,
+    tcp_from_camera: FloatArray,
+    seen_from: Sequence[FloatArray],
+) -> Look | None:
+    """The look that the arm can reach and that differs most from the places (3,) where cameras were; None without one.
+
+    ``tcp_from_camera`` (4, 4) is the camera's place on the tool; the arm is as observed.
+    """
+    places = []
+    for obj, turn, rise in product(wanted, TURNS, RISES):
+        way = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
+        known = [place - obj.centre for place in seen_from]
+        nearest = max(float(way @ each) / float(np.linalg.norm(each)) for each in known)
+        if nearest < np.cos(NEW):
+            places.append((nearest, obj, way))
+    for _, obj, way in sorted(places, key=lambda each: each[0]):
+        position = obj.centre + (0.5 * float(np.linalg.norm(obj.extents)) + AWAY) * way
+        if not _hidden(obj, position, scene):
+            pose = _reached(position, -way, scene, arm, observation, tcp_from_camera)
+            if pose is not None:
+                return Look(obj, _trajectory(pose, observation.gripper), position)
+    return None
+
+
+def _hidden(obj: SceneObject, position: FloatArray, scene: Scene) -> bool:
+    """Whether another object is in the line from a place (3,) to an object's middle."""
+    line = np.linspace(position, obj.centre, 20)
+    return any((o.distances(line) < HIDDEN).any() for o in scene.obstacles(frozenset({obj.id, obj.parent})))
+
+
+def _reached(
+    position: FloatArray,
+    along: FloatArray,
+    scene: Scene,
+    arm: Arm,
+    observation: Observation,
+    tcp_from_camera: FloatArray,
+) -> FloatArray | None:
+    """The tool's pose (4, 4) with the camera at a place (3,), looking ``along`` (3,), of four turns about that line the
+    one with the least motion of the joints; None where the arm cannot be, or not without touching something.
+    """
+    up = np.array([0.0, 0.0, 1.0])
+    side = np.cross(along, up)
+    reached = []
+    for top in (up, side, -up, -side):
+        pose = look_along(position, along, top) @ invert_rigid(tcp_from_camera)
+        solution = arm.inverse(pose, near=observation.joints) if arm.workspace.contains(pose[:3, 3]) else None
+        if solution is not None:
+            clear = arm.clearance(solution.joints, observation.gripper, scene).distance
+            if clear >= FREE_CLEARANCE:
+                reached.append((float(np.abs(solution.joints - observation.joints).max()), pose))
+    return min(reached, key=lambda each: each[0])[1] if reached else None
+
+
+def _trajectory(pose: FloatArray, gripper: float) -> Trajectory:
+    x, y, z = map(float, pose[:3, 3])
+    (a, b, c), (d, e, f) = pose[:3, 2].tolist(), pose[:3, 1].tolist()
+    turned = Orientation("grasp", (a, b, c), (d, e, f))
+    speed = SkillOptions().speed
+    return Trajectory((Waypoint((x, y, z), gripper, "look closer", turned, speed=speed, tolerance=0.02),))
