@@ -80,6 +80,8 @@ class Calibration:
         for another camera.
         """
         try:
+            if path.exists() and not path.is_file():  # reading a pipe would never end
+                raise OSError("it is not a file")
             body = dict(json.loads(path.read_text()))
         except (OSError, ValueError, TypeError) as error:
             raise RobotError(f"{path} can't be read as a JSON object: {error}.") from error
