@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_OF_EPISODE = ("instruction", "depth_noise", "replan", "planner_timeout")
+_OF_EPISODE = ("instruction", "depth_noise", "second_tries", "replan", "planner_timeout")
 """Options of a run that each of its episodes has."""
 _SOURCE_FOLDERS = 4
 """Last folders of a run's path that identify its episode: the day, the time, the job of a sweep, the seed."""
@@ -53,10 +53,11 @@ class RunConfig(EveryKind):
     """One episode, or many. Besides these options there is one group for each kind of component.
 
     ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
-    ``quiet`` prints only the result. After an attempt that the verifier is sure has failed, the robot observes and
-    plans again, up to ``replan`` times an episode, with the reason of the failure. A planner without an answer after
-    ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or lacks the means,
-    ``fallback`` plans, another planner or none.
+    ``quiet`` prints only the result. An object that the hand surely missed or lost is tried again with another grasp or
+    place, up to ``second_tries`` times an episode. After an attempt that the verifier is sure has failed, the robot
+    observes and plans again, up to ``replan`` times an episode, with the reason of the failure. A planner without an
+    answer after ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or lacks the
+    means, ``fallback`` plans, another planner or none.
     ``branch`` holds the options of the reconstruction branch, which runs where a ``reconstructor`` is chosen. A sweep
     puts its jobs into the database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
     """
@@ -65,6 +66,7 @@ class RunConfig(EveryKind):
     seed: int = 0
     episodes: int = 1
     quiet: bool = False
+    second_tries: int = 2
     replan: int = 0
     planner_timeout: float = 60.0
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
@@ -72,7 +74,7 @@ class RunConfig(EveryKind):
     results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:
-        for name, least in (("episodes", 1), ("seed", 0), ("replan", 0)):
+        for name, least in (("episodes", 1), ("seed", 0), ("second_tries", 0), ("replan", 0)):
             if getattr(self, name) < least:
                 raise ConfigurationError(f"{name} is {getattr(self, name)}; it must be at least {least}.")
         if not 0 <= self.planner_timeout < math.inf:

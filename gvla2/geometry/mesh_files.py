@@ -14,6 +14,7 @@ import logging
 import os
 import re
 import struct
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -78,6 +79,8 @@ def read_textured_mesh(path: str | os.PathLike[str], up: Literal["file", "z"] = 
         looks = [_look(piece, uv_moves) for piece in pieces]
         vertices, faces = np.unique(np.concatenate(list(map(_corners, pieces))), axis=0, return_inverse=True)
         mesh = TriangleMesh(vertices @ from_file.T, faces.reshape(-1, 3))
+        if not all(np.isfinite(uv).all() and np.isfinite(rgb).all() for uv, rgb, _ in looks):
+            raise GeometryError("its colours or texture coordinates are not finite.")
     images = [image for _, _, image in looks if image is not None]
     numbers = np.cumsum([image is not None for _, _, image in looks]) - 1
     texture = [-1 if image is None else number for number, (_, _, image) in zip(numbers, looks, strict=True)]
@@ -162,13 +165,15 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
 
     Faces whose material is in no library, or that have none, have no colour of their own.
     """
-    text = re.sub(r"\r\n?", "\n", _decoded(content)).replace("\\\n", " ")
-    text = re.sub(r"(?m)^[ \t]+", "", re.sub(r"[ \t]*\t[ \t]*", " ", text))
-    text = re.sub(r"(?m)^((?:v|vt|vn|f) [^#\n]*)#.*$", r"\1", text)
-    if zero := re.search(r"(?m)^f(?: \S+)*? 0(?:/.*)?(?: .*)?$", text):
-        raise GeometryError(f"'{zero[0][:60]}' names vertex 0; an OBJ file counts from 1.")
+    text = "\n" + re.sub(r"\r\n?", "\n", _decoded(content)).replace("\\\n", " ")
+    if "\t" in text or "\n " in text:
+        text = re.sub(r"\n +", "\n", re.sub(r"[ \t]*\t[ \t]*", " ", text))
+    if text.count("#") > text.count("\n#"):
+        text = re.sub(r"(\n(?:v|vt|vn|f) [^#\n]*)#.*", r"\1", text)
+    if zero := re.search(r"\nf .*(?<= )0(?!\d).*", text):
+        raise GeometryError(f"'{zero[0][1:60]}' names vertex 0; an OBJ file counts from 1.")
     libraries = []
-    for name in re.findall(r"(?m)^mtllib (.+)$", text):
+    for name in re.findall(r"\nmtllib (.+)", text):
         for each in dict.fromkeys((name, *name.split())):
             try:
                 libraries.append(_decoded(resolver.get(each)))
@@ -176,15 +181,14 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
                 continue
             break
     library = re.sub(rf"(?mi)^(\s*map_kd){_OPTIONS}", r"\1 ", "\n".join(libraries))
-    text = re.sub(r"(?m)^mtllib .*$", "", text)
+    text = re.sub(r"\nmtllib .*", "", text)
     known = {" ".join(name.split()) for name in re.findall(r"(?mi)^\s*newmtl (.+)$", library)}
-    used = re.compile(r"(?m)^usemtl (.+)$")
-    text = used.sub(lambda use: use[0] if " ".join(use[1].split()) in known else f"usemtl {_PLAIN}", text)
-    first = re.search(r"(?m)^(f|usemtl) ", text)
-    if first and first[1] == "f" and re.search(r"(?m)^f \S*\d/\d", text):
-        text = f"usemtl {_PLAIN}\n{text}"
+    plain = f"\nusemtl {_PLAIN}"
+    text = re.sub(r"\nusemtl (.+)", lambda use: use[0] if " ".join(use[1].split()) in known else plain, text)
+    if re.search(r"\nf \S*\d/\d", text) and "\nusemtl " not in text[: text.find("\nf ")]:
+        text = plain + text
     resolver.materials = f"{library}\nnewmtl {_PLAIN}\nKd 1 1 1\n".encode()
-    return f"mtllib {_MATERIALS}\n{text}".encode()
+    return f"mtllib {_MATERIALS}{text}".encode()
 
 
 def _decoded(content: bytes) -> str:
@@ -202,14 +206,50 @@ def _plain_collada(source: Path, content: bytes, up: Literal["file", "z"]) -> tu
         raise MissingDependencyError(
             "the package 'pycollada'", f"Reading {source}", "pip install pycollada"
         ) from error
-    head = content[: content.find(b"</asset>")].decode(errors="replace")
-    if "<COLLADA" in head and "xmlns=" not in head[head.index("<COLLADA") :].partition(">")[0]:
-        named = b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"'
-        content = content.replace(b"<COLLADA", named, 1)  # pycollada knows elements by their namespace alone
-    unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)", head)
-    axis = re.search(r"<up_axis>\s*(\w+)", head)
-    turn = _TURNS.get(axis[1] if axis and up == "file" else "Z_UP", np.eye(3))
-    return content, turn * (float(unit[1]) if unit else 1.0)
+    root = ET.fromstring(content)
+    tag = "{*}" if root.tag.startswith("{") else ""
+    unit, axis = root.find(f"{tag}asset/{tag}unit"), root.findtext(f"{tag}asset/{tag}up_axis") or ""
+    turn = _TURNS.get(axis.strip() if up == "file" else "Z_UP", np.eye(3))
+    _drop_dangling(root)
+    if not tag:  # pycollada knows elements by their namespace alone
+        root.set("xmlns", "http://www.collada.org/2005/11/COLLADASchema")
+    return ET.tostring(root), turn * (1.0 if unit is None else float(unit.get("meter", 1.0)))
+
+
+def _drop_dangling(root: ET.Element) -> None:
+    """Take out materials and textures that refer to what the file lacks, else pycollada leaves out their geometry.
+
+    Raises :class:`GeometryError` for a geometry or node that is placed and missing.
+    """
+    ids = {f"#{element.get('id')}" for element in root.iter() if element.get("id")}
+    for effect in root.iterfind(".//{*}effect"):
+        named = {str(element.get("sid")) for element in effect.iter()} | {name[1:] for name in ids}
+        for parent in list(effect.iter()):
+            for child in list(parent):
+                source = child.findtext("{*}sampler2D/{*}source") or child.findtext("{*}surface/{*}init_from")
+                if source is not None and source.strip() not in named:
+                    parent.remove(child)
+                    named.discard(str(child.get("sid")))
+        for parent in list(effect.iter()):
+            for child in parent.findall("{*}texture"):
+                if child.get("texture") not in named:
+                    child.tag = child.tag.replace("texture", "color")
+                    child.attrib.clear()
+                    child.text = "1 1 1 1"
+    for tag, key in (("instance_effect", "url"), ("instance_material", "target")):
+        for parent in list(root.iter()):
+            for child in parent.findall(f"{{*}}{tag}"):
+                if child.get(key) not in ids:
+                    ids.discard(f"#{parent.get('id')}")
+                    parent.remove(child)
+    for materials in root.iterfind("{*}library_materials"):
+        for material in list(materials):
+            if f"#{material.get('id')}" not in ids:
+                materials.remove(material)
+    for element in (*root.iterfind(".//{*}instance_geometry"), *root.iterfind(".//{*}instance_node")):
+        url = element.get("url", "")
+        if url.startswith("#") and url not in ids:
+            raise GeometryError(f"it places {url[1:]}, which it does not hold.")
 
 
 def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:

@@ -312,7 +312,8 @@ def _explained(
                 flat += (points[n, k] - samples[near, k]) * normals[near, k]
             off[n] = max(abs(flat), off[n] - 0.004)
         total += min(off[n], TRUNCATED)
-        on_it += off[n] < 0.006
+        if off[n] < 0.006:
+            on_it += 1
     return total / len(points), float(np.median(off)), on_it / len(points)
 
 

@@ -44,12 +44,12 @@ class NearestPoints:
     def mean_distances(
         self, points: FloatArray, turns: FloatArray, shifts: FloatArray, limit: float
     ) -> FloatArray:
-        """(P,) mean distances, each at most ``limit`` metres, of points (N, 3) when the set is turned by ``turns``
-        (P, 3, 3) and moved by ``shifts`` (P, 3).
+        """(P,) mean distances, each at most ``limit`` metres, of points (N, 3) from the set, turned by ``turns``
+        (P, 3, 3) and then moved by ``shifts`` (P, 3).
         """
-        means, around = np.empty(len(turns)), (self._points, self.table, self.low, self.cell)
-        each = map(np.ascontiguousarray, (points, turns, shifts))
-        _mean_distances(*each, *around, limit, means)
+        points, turns = np.ascontiguousarray(points), np.ascontiguousarray(turns)
+        shifts, means = np.ascontiguousarray(shifts), np.empty(len(turns))
+        _mean_distances(points, turns, shifts, self._points, self.table, self.low, self.cell, limit, means)
         return means
 
     def _places(self, points: FloatArray, size: NDArray[np.int_]) -> tuple[NDArray[np.intp], ...]:

@@ -172,7 +172,8 @@ def test_a_part_that_failed_ends_the_program_and_replan_begins_all_of_it_again(p
             return Verdict(outcome, float(outcome.endswith("success")), 1.0, {}, ("as given",), "sure")
 
     listener = Listener()
-    record = run_episode(replace(parts, verifier=Sure()), EpisodeRequest(seed=3, replan=1), listener)
+    request = EpisodeRequest(seed=3, second_tries=0, replan=1)
+    record = run_episode(replace(parts, verifier=Sure()), request, listener)
     (before,) = record.attempts
     assert before.parts == ()
     assert before.failure.kind == "not_achieved"

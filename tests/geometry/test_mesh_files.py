@@ -270,6 +270,44 @@ def test_collada_nodes_units_and_axes(
         np.testing.assert_allclose(mesh.colours, np.tile([1.0, 0, 0], (8, 1)))
 
 
+LOST_PICTURE = (
+    '<effect id="e"><profile_COMMON><newparam sid="s"><sampler2D><source>gone-surface</source></sampler2D></newparam>'
+    '<technique sid="c"><lambert><diffuse><texture texture="s" texcoord="UV"/></diffuse></lambert></technique>'
+)
+
+
+@pytest.mark.parametrize(
+    ("found", "instead"),
+    [
+        (
+            '<effect id="e"><profile_COMMON><technique sid="c"><lambert><diffuse><color>1 0 0 1</color></diffuse>',
+            "",
+        ),
+        ('<instance_effect url="#e"/>', '<instance_effect url="#gone"/>'),
+        ('target="#red"', 'target="#gone"'),
+        ("<?xml", "\ufeff<?xml"),
+    ],
+    ids=["a picture", "an effect", "a material", "nothing but a mark"],
+)
+def test_collada_whose_materials_refer_to_what_it_lacks(tmp_path: Path, found: str, instead: str) -> None:
+    path = collada(tmp_path / "box.dae")
+    text = path.read_text()
+    assert found in text
+    if not instead:
+        found, instead = f"{found}</lambert></technique>", LOST_PICTURE
+    path.write_text(text.replace(found, instead))
+    mesh = read_mesh(path)
+    assert len(mesh.faces) == 12
+    np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [0.1, 0.2, 0.3]], atol=1e-6)
+
+
+def test_collada_that_places_what_it_lacks_is_refused(tmp_path: Path) -> None:
+    path = collada(tmp_path / "box.dae")
+    path.write_text(path.read_text().replace('url="#g"', 'url="#gone"'))
+    with pytest.raises(GeometryError, match=r"box\.dae: it places gone, which it does not hold"):
+        read_mesh(path)
+
+
 def test_a_robots_tools_ignore_the_up_axis_of_collada(tmp_path: Path) -> None:
     mesh = read_mesh(collada(tmp_path / "box.dae", up="Y_UP"), up="z")
     np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [0.1, 0.2, 0.3]], atol=1e-6)

@@ -182,6 +182,11 @@ class MujocoArm:
         done = world.succeeded()
         return None if done is None else SuccessCheck(done, done)
 
+    def seconds_left(self) -> float:
+        """Simulated seconds that the world still allows, infinite without a limit."""
+        world = self._ready("timed")[0].world
+        return (world.max_steps - world.steps) / world.rate if world.max_steps > 0 else np.inf
+
     def true_state(self) -> WorldState:
         """Raises :class:`ConfigurationError`: there is no scripted demonstration that would read it."""
         raise ConfigurationError(f"The tasks of robot={self._config.name} have no demonstrations.")
