@@ -337,7 +337,9 @@ def _look(
         if painted is not None:
             rgb = rgb * _unit(painted)[:, :3][faces]
         if not flat:
-            at = np.asarray(visual.uv, dtype=np.float64)
+            at = np.asarray(visual.uv, dtype=np.float64)[:, :2]
+            if at.shape != (len(part.vertices), 2):
+                raise GeometryError("a texture coordinate has not two numbers.")
             if (move := uv_moves.get(str(visual.material.name))) is not None:
                 down = np.column_stack([at[:, 0], 1 - at[:, 1], np.ones(len(at))]) @ move.T
                 at = np.column_stack([down[:, 0], 1 - down[:, 1]])
