@@ -80,9 +80,11 @@ def reading(
     """Turn anything that goes wrong while a file of others is read into ``kind``, which names the file and the reason.
 
     Readers of foreign formats raise anything at all for a damaged file. Errors of ours that name the file keep their
-    words; what must be installed or configured stays as it is.
+    words; what must be installed or configured stays as it is. A pipe or a device is refused: reading it may never end.
     """
     try:
+        if (place := Path(path)).exists() and not (place.is_file() or place.is_dir()):
+            raise OSError(None, "it is a pipe or a device, not a file")
         yield
     except (MissingDependencyError, ConfigurationError):
         raise
