@@ -117,7 +117,8 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
     if not source.is_file():
         raise GeometryError("there is no such file.")
     content = source.read_bytes().removeprefix(codecs.BOM_UTF8)
-    resolver, moves, from_file = _BesideResolver(source), {}, np.eye(3)
+    resolver, from_file = _BesideResolver(source), np.eye(3)
+    moves: _Moves = {}
     if suffix == ".dae":
         content, from_file = _plain_collada(source, content, up)
     elif suffix in _GLTF:
@@ -282,7 +283,8 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
         raise GeometryError(f"it uses {', '.join(found)}, which is not read; export it without.")
     if any("sparse" in accessor for accessor in tree.get("accessors", ())):
         raise GeometryError("it has sparse accessors, which are not read; export it without.")
-    moves, sets = {}, {}
+    moves: dict[str, FloatArray] = {}
+    sets: dict[int, int] = {}
     for number, material in enumerate(tree.get("materials", ())):
         material["name"] = str(number)
         base = material.setdefault("pbrMetallicRoughness", {})
