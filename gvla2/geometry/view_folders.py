@@ -198,6 +198,8 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
         return next((path for path in named if path.is_file()), None)
 
     with reading(f"view '{name}'", cameras):
+        if Path(name).is_absolute() or ".." in Path(name).parts:
+            raise GeometryError("its name leads out of the folder.")
         if not name or (picture := first("images", _PICTURES)) is None:
             raise GeometryError(f"there is no {folder / 'images' / name}.png.")
         image, mask = _read_picture(picture)
