@@ -85,7 +85,10 @@ class HydraTask:
 
     def __call__(self, config: DictConfig) -> object:
         """Run the job in Hydra's folder; the run's log gets the traceback of an error."""
-        if self.registry is None:
+        if self.registry is None:  # in a worker process of a launcher
+            from gvla2.evaluation.engine import end_with_parent
+
+            end_with_parent()
             self.registry = load_plugins()
         job = HydraConfig.get()
         try:
@@ -280,7 +283,7 @@ def report(error: Exception, registry: Registry | None = None) -> int:
     """Print an error on stderr, with its traceback if it is unexpected or ``GVLA2_DEBUG=1``; the exit status 1."""
     expected = isinstance(error, Gvla2Error | HydraException | OmegaConfBaseException | OSError)
     if not expected or os.environ.get("GVLA2_DEBUG", "0") not in ("", "0"):
-        traceback.print_exception(error)
+        print(printable("".join(traceback.format_exception(error))), file=sys.stderr)
     print(f"gvla2: {printable(explain(error, registry))}", file=sys.stderr)
     return 1
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from gvla2.record.reconstruction import ReconstructionRecord
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
+LEAST_AGREEMENT = 0.4
+"""Least symmetric IoU of a result with the masks that it was made of; wrong cameras reach .3, poor priors above .6."""
 LEAST_TRUTH_SUPPORT = 0.3
 """Mean mask support below which a true mesh is assumed to be in another frame; masks may be occluded in part."""
 
@@ -145,6 +147,13 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
 
         with steps.step("measure"):
             measures = measure(result, views, built["renderer"], given.held_out, given.truth)
+        agreement = measures.after.numbers()["symmetric_iou"]
+        if agreement < LEAST_AGREEMENT:
+            raise GeometryError(
+                f"{given.folder}: the result and its views' masks agree by {agreement:.2f} (symmetric IoU), so "
+                "the views contradict each other. Is K of pictures of another size, are poses inverted or of another "
+                "convention, are masks of another object?"
+            )
         record = replace(record, measures=measures)
         steps.report("measure", ", ".join(measures.groups).replace("_", " "))
         with steps.step("draw"):

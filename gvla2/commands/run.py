@@ -138,6 +138,8 @@ def job(config: RunConfig, registry: Registry, folder: Path) -> float:
         return share
     for file in folder.glob(f"{sweeps.BANK}*"):  # what an earlier, unfinished try has learned
         file.unlink()
+    # Replaced when the job ends: a process that dies leaves its job named in the sweep's table.
+    sweeps.write_failure(folder, config, Gvla2Error("its process was stopped or died"))
     try:
         records = run_episodes(config, registry, folder, label, count_crashes=True)
     except Exception as error:

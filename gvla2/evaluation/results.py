@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from sqlalchemy import Engine, Text, create_engine
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.orm import registry
 from sqlmodel import Field, Session, SQLModel, col, select
 
@@ -142,7 +143,10 @@ class Results(Closing):
             path = file_of(url)
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
-            tables.metadata.create_all(engine)
+            try:
+                tables.metadata.create_all(engine)
+            except DBAPIError:  # another bench made them meanwhile
+                tables.metadata.create_all(engine)
         return opened
 
     def begin(self, suite: str, folder: Path, config: str, code: str = "") -> int:
@@ -163,13 +167,15 @@ class Results(Closing):
             return run.id
 
     def add(self, run: int, suite: str, cells: Iterable[Cell]) -> None:
-        """Store cells of a run, all or none; one with the same key is replaced."""
+        """Store cells of a run, all or none; one with the same key, perhaps of another bench's, is replaced."""
+        insert: Any = sqlite.insert if self._engine.dialect.name == "sqlite" else postgresql.insert
+        own = ("factors", "measures", "notes")
         with self._session() as session:
             for cell in cells:
-                texts = {
-                    name: json.dumps(dict(getattr(cell, name))) for name in ("factors", "measures", "notes")
-                }
-                session.merge(Row(key=cell.key, run_id=run, suite=suite, **texts))
+                texts = {name: json.dumps(dict(getattr(cell, name))) for name in own}
+                values = {"run_id": run, "suite": suite, **texts}
+                statement = insert(Row).values(key=cell.key, **values)
+                session.execute(statement.on_conflict_do_update(index_elements=["key"], set_=values))
 
     def with_keys(self, keys: Sequence[str]) -> dict[str, Cell]:
         """The stored cells among these keys."""

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import io
 import math
+import os
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -101,10 +102,15 @@ def templates() -> Environment:
 
 
 def _bytecode_cache() -> FileSystemBytecodeCache | None:
-    """Compiled templates in the user's cache; None, so that they are compiled anew, where there is no place."""
+    """Compiled templates in the user's cache; None, so that they are compiled anew, where there is no place
+    that only this user can write to.
+    """
     folder = cache_folder() / "templates"
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if folder.stat().st_uid != os.geteuid():  # it holds code
+            return None
+        folder.chmod(0o700)
     except OSError:
         return None
     return FileSystemBytecodeCache(str(folder))

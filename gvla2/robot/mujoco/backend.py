@@ -45,7 +45,7 @@ class MujocoArm:
 
     def __init__(self, config: MujocoConfig, tasks: Mapping[str, str], load: Callable[[str], World]) -> None:
         self._config, self._tasks, self._world_of = config, tasks, load
-        self._task: str | None = None
+        self._task: Task | str | None = None
         self._world: World | None = None
         self._made: UrdfArm | None = None
         self._driver: WorldDriver | None = None
@@ -65,32 +65,24 @@ class MujocoArm:
 
     def reset(self, task: Task | str | None, seed: int, instruction: str | None = None) -> TaskInstance:
         """The task's world in the initial state ``seed``, the arm at home."""
-        if not isinstance(task, str | None):
-            raise ConfigurationError(
-                f"robot={self._config.name} has a world and tasks of its own: "
-                f"`gvla2 tasks robot={self._config.name}` lists them."
-            )
         if self._world is None or task != self._task:
             self._load(task)
-        assert self._world is not None
-        world = self._world
+        world, made = self._world, self._made
+        assert world is not None
+        assert made is not None
         world.begin(seed)
-        assert self._made is not None
-        self._driver = WorldDriver(world, self._made.gap, self._made.arm.hand.max_width)
-        if self._eyes is None:
-            self._eyes = ModelEyes(world.model, world.data, self._config.cameras, world.groups)
+        self._driver = WorldDriver(world, made.gap, made.arm.hand.max_width)
         return TaskInstance(instruction or world.instruction, goal=world.goal)
 
-    def _load(self, task: str | None) -> None:
+    def _load(self, task: Task | str | None) -> None:
         self.close()
-        there = self.tasks()
-        unknown = task not in there if there else task is not None
-        if unknown:
+        there, asked = self.tasks(), task if isinstance(task, str) else ""
+        if asked not in there if there else task is not None:
             raise ConfigurationError(
-                f"robot={self._config.name} has no task '{task or 'none'}'.{did_you_mean(task or '', there)} "
-                f"`gvla2 tasks robot={self._config.name}` lists those that it has."
+                f"robot={self._config.name} has a world and tasks of its own, but none called '{asked or 'none'}'."
+                f"{did_you_mean(asked, there)} `gvla2 tasks robot={self._config.name}` lists them."
             )
-        world = self._world_of(task or "")
+        world = self._world_of(asked)
         world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
         base = world.data.body(world.names.base)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]
@@ -108,6 +100,7 @@ class MujocoArm:
                 workspace_high=world.workspace.high.tolist(),
             )
         )
+        self._eyes = ModelEyes(world.model, world.data, self._config.cameras, world.groups)
         self._world, self._task = world, task
 
     def observe(self) -> Observation:

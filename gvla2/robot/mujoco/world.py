@@ -64,6 +64,10 @@ FARTHEST = 5.0
 _GL = "apt install libegl1 libgl1-mesa-dri (MUJOCO_GL=egl), or apt install libosmesa6 (MUJOCO_GL=osmesa)"
 
 
+def _cannot_draw(error: Exception) -> MissingDependencyError:
+    return MissingDependencyError(f"an offscreen OpenGL ({error})", "A picture of a MuJoCo world", _GL)
+
+
 def import_mujoco() -> Any:
     """MuJoCo, drawing offscreen where there is no display.
 
@@ -74,12 +78,10 @@ def import_mujoco() -> Any:
         os.environ.setdefault("MUJOCO_GL", "egl")
     try:
         import mujoco
-    except ModuleNotFoundError as error:
-        if error.name != "mujoco":
-            raise MissingDependencyError("an offscreen OpenGL", "MuJoCo's cameras", _GL) from error
-        raise MissingDependencyError("mujoco", "A MuJoCo world", 'pip install "gvla2[mujoco]"') from error
-    except (ImportError, AttributeError, OSError) as error:  # PyOpenGL's, without the system's library
-        raise MissingDependencyError("an offscreen OpenGL", "MuJoCo's cameras", _GL) from error
+    except (ImportError, AttributeError, OSError, RuntimeError) as error:  # PyOpenGL raises each of them
+        if getattr(error, "name", "") == "mujoco":
+            raise MissingDependencyError("mujoco", "A MuJoCo world", 'pip install "gvla2[mujoco]"') from error
+        raise _cannot_draw(error) from error
     if int(mujoco.__version__.partition(".")[0]) >= 4:
         raise ConfigurationError(
             f'MuJoCo {mujoco.__version__} is installed and the worlds need one below 4: pip install "mujoco<4"'
@@ -160,8 +162,7 @@ class ModelEyes:
             try:
                 self._renderers[size] = self._mujoco.Renderer(self.model, size, size)
             except Exception as error:  # each of EGL, OSMesa and GLFW raises its own
-                what = f"an offscreen OpenGL ({error})"
-                raise MissingDependencyError(what, "MuJoCo's cameras", _GL) from error
+                raise _cannot_draw(error) from error
             atexit.register(self.close)  # before the display itself ends, which it does at exit, too
         return self._renderers[size]
 
