@@ -9,15 +9,11 @@ import sys
 from dataclasses import dataclass
 from types import SimpleNamespace
 
-from hydra import compose, initialize_config_module
-
 import gvla2
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2.commands.hydra_job import schemas
+from gvla2.commands.hydra_job import composed
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.plugins.hydra_config import register
-from gvla2.plugins.registry import load_plugins
 from gvla2.testing import check_planner
 from gvla2.testing.inputs import plan_request
 
@@ -48,11 +44,7 @@ def gvla2_planners() -> list[Component[RisePlanner]]:
 
 
 gvla2.register(SimpleNamespace(gvla2_planners=gvla2_planners), "rise")  # or a module, or a class
-registry = load_plugins()
-register(registry, schemas())
-with initialize_config_module("gvla2.conf", version_base="1.3"):
-    config = compose("run", overrides=["planner=rise", *sys.argv[1:]])
-
+config, registry = composed("run", ["planner=rise", *sys.argv[1:]])
 planner = registry.build(config, "planner")
 check_planner(planner)  # raises a ConformanceError that says what is wrong
 print("rise is a planner.")

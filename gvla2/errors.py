@@ -80,9 +80,11 @@ def reading(
     """Turn anything that goes wrong while a file of others is read into ``kind``, which names the file and the reason.
 
     Readers of foreign formats raise anything at all for a damaged file. Errors of ours that name the file keep their
-    words; what must be installed or configured stays as it is.
+    words; what must be installed or configured stays as it is. A pipe or a device is refused: reading it may never end.
     """
     try:
+        if (place := Path(path)).exists() and not (place.is_file() or place.is_dir()):
+            raise OSError(None, "it is a pipe or a device, not a file")
         yield
     except (MissingDependencyError, ConfigurationError):
         raise
@@ -90,7 +92,10 @@ def reading(
         reason, where = str(error), os.fspath(path)
         own = isinstance(error, Gvla2Error)
         if isinstance(error, OSError) and error.strerror:
-            reason = error.strerror
+            other = error.filename is not None and os.fspath(error.filename) != where
+            reason = f"{error.strerror}: {error.filename}" if other else error.strerror
+        elif isinstance(error, KeyError):
+            reason = f"it lacks {reason}"
         elif not own:
             reason = f"{type(error).__name__}: {reason}"
         if not own or Path(where).name not in reason:

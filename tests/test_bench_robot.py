@@ -86,6 +86,10 @@ def test_the_work_of_a_process_that_died_is_done_again_and_counted_once(tmp_path
     tasks = ["a", "b", str(tmp_path / "flag"), "c", "d"]
     answers = list(in_processes(dies_once, tasks, 2, tries=3))
     assert sorted(answers) == sorted((task, task.upper()) for task in tasks)
+    deadly = [str(tmp_path / name) for name in ("one", "two", "three")]
+    assert len(list(in_processes(dies_once, ["a", *deadly], 1, tries=2))) == 4, (
+        "each death after some progress"
+    )
     with pytest.raises(Gvla2Error, match="worker process died"):
         list(in_processes(dies, [1], 1))
 

@@ -1,10 +1,13 @@
 """`gvla2 doctor`: a whole installation is healthy, and each kind of breakage is found and gets advice."""
 
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
+from gvla2 import cli
 from gvla2.commands import doctor
 from gvla2.plugins.discovery import PluginProblem
 from gvla2.plugins.registry import Registry, load_plugins
@@ -57,6 +60,20 @@ def test_a_module_of_the_simulator_that_cannot_be_imported_is_named(monkeypatch:
     assert (check.status, "no_such_module" in check.found) == ("fail", True)
     monkeypatch.setattr(doctor, "PROBE_SECONDS", 0.001)
     assert "no answer within" in doctor.simulator(["json"]).found
+
+
+def test_nothing_in_the_current_folder_is_imported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Neither by the probe nor by a worker process of a sweep or bench."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    for module in ("sapien", "multiprocessing", "socket"):
+        (tmp_path / f"{module}.py").write_text("open('RAN', 'w')")
+    doctor.simulator(["sapien"])
+    assert not (tmp_path / "RAN").exists()
+    assert cli.main(["--version"]) == 0
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        assert pool.submit(abs, -1).result() == 1
+    assert not (tmp_path / "RAN").exists()
 
 
 def test_a_broken_plugin_is_named():

@@ -2,8 +2,13 @@
 
 import csv
 import json
+import os
 import re
 import shlex
+import signal
+import subprocess
+import sys
+import time
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -107,7 +112,10 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     assert cli.main([*SWEEP, "quiet=true"]) == 130
     output = capsys.readouterr()
     (folder,) = here.glob("outputs/run/*/*-sweep")
-    assert [job["overrides"]["seed"] for job in jobs_of(folder)] == ["0"]
+    assert [(job["overrides"]["seed"], job["status"]) for job in jobs_of(folder)] == [
+        ("0", "ok"),
+        ("1", "failed: its process was stopped or died"),
+    ]
     again = re.search(r"To resume: gvla2 (.*)", output.err)
     assert again is not None
     assert re.search(r"\[0: .* -> .*index.html", output.err), "quiet=true still says how a job ended"
@@ -187,6 +195,30 @@ def test_a_bank_that_is_named_is_used(here: Path, compose_run: Any, tmp_path: Pa
         assert sweeps.with_fresh_bank(config, tmp_path) is config
     nothing = compose_run("memory=none")
     assert sweeps.with_fresh_bank(nothing, tmp_path) is nothing
+
+
+def test_a_worker_ends_with_the_sweep_that_is_killed(tmp_path: Path):
+    worker = (
+        "import os, time; from gvla2.evaluation.engine import end_with_parent; end_with_parent(); "
+        "print(os.getpid(), flush=True); time.sleep(100)"
+    )
+    sweep = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {worker!r}])"
+    with subprocess.Popen([sys.executable, "-c", sweep], stdout=subprocess.PIPE, text=True) as killed:
+        assert killed.stdout is not None
+        pid = int(killed.stdout.readline())
+        killed.kill()
+        for _ in range(100):
+            status = Path(f"/proc/{pid}/stat")
+            if not status.exists() or ") Z " in status.read_text():
+                return
+            time.sleep(0.1)
+        os.kill(pid, signal.SIGKILL)
+        pytest.fail("the worker lives on")
+
+
+def test_a_pipe_in_place_of_a_jobs_result_holds_nothing_up(tmp_path: Path):
+    os.mkfifo(tmp_path / sweeps.JOB)
+    assert sweeps.done_before(tmp_path, "digest") is None
 
 
 def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path: Path):

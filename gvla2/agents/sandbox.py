@@ -24,16 +24,13 @@ _VARIABLES = {"PATH": _PATH, "HOME": "/home/agent", "LANG": "C.UTF-8", "TERM": "
 _READABLE_IN_ETC = ("alternatives", "ld.so.cache", "localtime", "python3", "mime.types")
 OUTPUT = 8000
 """Bytes kept of a command's output."""
+WATCH_SECONDS = 0.2
+"""Between looks at how much a running command has written."""
 _GUARDED = """\
 ulimit -c 0 -u 4096 -f {file_blocks} -v {memory_kb} 2>/dev/null
 cd {folder} 2>/dev/null || cd /
 o=/dev/shm/output
-timeout -k 1 {seconds:g} {words} >$o 2>&1 </dev/null & command=$!
-while sleep 0.5; do
-  [ "$(du -smc {writable} 2>/dev/null | tail -n 1 | cut -f 1)" -gt {disk_mb} ] && touch $o.full && kill -KILL $command
-done &
-wait $command 2>/dev/null; status=$?
-if [ -e $o.full ]; then status=137; echo "[Ended: the files are larger than {disk_mb} MB.]"; fi
+timeout -k 1 {seconds:g} {words} >$o 2>&1 </dev/null; status=$?
 n=$(stat -c %s $o)
 if [ $n -le {output} ]; then cat $o
 else head -c {half} $o; echo; echo "[... $((n - 2 * {half})) bytes cut ...]"; tail -c {half} $o; fi
@@ -46,8 +43,8 @@ class BubblewrapSandbox:
     """A :class:`~gvla2.agents.contracts.Sandbox` of Linux namespaces.
 
     Commands get no network, no other process, and none of the host's variables or files but its programs. ``root`` is a
-    folder of the host for what they write: the working folder, ``/tmp``, the home, ``/logs``. The files may take
-    ``disk_mb``, each process ``memory_mb``.
+    folder of the host for what they write: the working folder, ``/tmp``, the home, ``/logs``; all else is read-only but
+    ``/dev/shm``. The files may take ``disk_mb``, each process ``memory_mb``.
     """
 
     folder = _WRITABLE["app"]
@@ -59,7 +56,7 @@ class BubblewrapSandbox:
             )
         for name in _WRITABLE:
             (root / name).mkdir(parents=True, exist_ok=True)
-        self._arguments = [program, *_namespaces(root, int(disk_mb))]
+        self._root, self._arguments = root, [program, *_namespaces(root, int(disk_mb))]
         self._disk_mb, self._memory_mb = int(disk_mb), int(memory_mb)
 
     def run(
@@ -79,42 +76,67 @@ class BubblewrapSandbox:
         guarded = _GUARDED.format(
             file_blocks=self._disk_mb * 1024,
             memory_kb=self._memory_mb * 1024,
-            disk_mb=self._disk_mb,
             output=OUTPUT,
             half=OUTPUT // 2,
             folder=shlex.quote(self.folder),
-            writable=shlex.join(_WRITABLE.values()),
             seconds=seconds,
             words=shlex.join(["env", *pairs, "bash", "-c", command]),
         )
         mounts = [word for folder, at in (shown or {}).items() for word in ("--ro-bind", str(folder), at)]
-        begun = time.monotonic()
+        # Read-only once every mount point is made: bubblewrap's root and /dev are memory without a limit, and where
+        # the host's user is root, /proc/sys holds the host's settings.
+        closed = [word for place in ("/proc", "/dev", "/") for word in ("--remount-ro", place)]
+        before, full, free = self._megabytes(), False, shutil.disk_usage(self._root).free
+        room, begun = max(self._disk_mb - before, 0) << 20, time.monotonic()
         try:
             # Bubblewrap itself gets no variable either: its environment is readable in the sandbox.
-            done = subprocess.run(
-                [*self._arguments, *mounts, "bash", "-c", guarded],
+            process = subprocess.Popen(
+                [*self._arguments, *mounts, *closed, "--chdir", self.folder, "bash", "-c", guarded],
+                stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 env={},
-                timeout=seconds + 10,
-                check=False,
             )
-        except subprocess.TimeoutExpired:
-            return Output("", 137, time.monotonic() - begun, timed_out=True)
         except (OSError, ValueError) as error:
             return Output(f"The command cannot be run: {error}", 126, time.monotonic() - begun)
-        spent, late = time.monotonic() - begun, done.returncode in (124, 137)
-        return Output(
-            _printable(done.stdout.decode(errors="replace")),
-            done.returncode,
-            spent,
-            late and spent >= seconds,
-        )
+        with process:
+            try:
+                # Watched from outside, where no command can end the watch; one that makes room may run on. Counting is
+                # slow, so files are counted only where the disk's free space says that they may be too large.
+                while (written := _written_by(process)) is None:
+                    if free - shutil.disk_usage(self._root).free > room:
+                        full = self._megabytes() > max(self._disk_mb, before)
+                    if full or time.monotonic() - begun > seconds + 10:
+                        break
+            finally:
+                process.kill()
+        spent = time.monotonic() - begun
+        full = full or self._megabytes() > max(self._disk_mb, before)
+        if full:
+            return Output(f"[Ended: the files are larger than {self._disk_mb} MB.]\n", 137, spent)
+        if written is None:
+            return Output("", 137, spent, timed_out=True)
+        late = process.returncode in (124, 137) and spent >= seconds
+        return Output(_printable(written.decode(errors="replace")), process.returncode, spent, late)
+
+    def _megabytes(self) -> int:
+        """What all files take; ``du`` follows no link."""
+        counted = subprocess.run(["du", "-sk", str(self._root)], capture_output=True, check=False)
+        return int(counted.stdout.split()[0]) >> 10
+
+
+def _written_by(process: subprocess.Popen[bytes]) -> bytes | None:
+    """The output of a process that ended; None while it runs on."""
+    try:
+        return process.communicate(timeout=WATCH_SECONDS)[0]
+    except subprocess.TimeoutExpired:
+        return None
 
 
 def _namespaces(root: Path, disk_mb: int) -> list[str]:
     """Bubblewrap's arguments: everything unshared, programs read-only, ``root``'s folders writable."""
-    words = ["--unshare-all", "--die-with-parent", "--new-session", "--clearenv"]
+    words = ["--unshare-all", "--unshare-user", "--disable-userns", "--die-with-parent", "--new-session"]
+    words += ["--clearenv"]
     words += [word for name, value in _VARIABLES.items() for word in ("--setenv", name, value)]
     words += ["--uid", "1000", "--gid", "1000", "--hostname", "sandbox", "--ro-bind", "/usr", "/usr"]
     for place in map(Path, ("/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32")):
@@ -127,7 +149,7 @@ def _namespaces(root: Path, disk_mb: int) -> list[str]:
     words += ["--dev", "/dev", "--size", str(disk_mb << 20), "--tmpfs", "/dev/shm", "--proc", "/proc"]
     for name, at in _WRITABLE.items():
         words += ["--bind", str(root / name), at]
-    return [*words, "--chdir", _WRITABLE["app"]]
+    return words
 
 
 @contextmanager
@@ -145,7 +167,10 @@ def bubblewrap(task: AgentTask) -> Iterator[BubblewrapSandbox]:
     with tempfile.TemporaryDirectory(
         prefix="gvla2-agent-", dir="/var/tmp", ignore_cleanup_errors=True
     ) as root:
-        shutil.copytree(task.files, Path(root, "app"), symlinks=True)
+        try:
+            shutil.copytree(task.files, Path(root, "app"), symlinks=True)
+        except OSError as error:  # shutil.Error too: a pipe or a device
+            raise EnvironmentFailedError(f"The files of {task.name} cannot be copied: {error}") from error
         sandbox = BubblewrapSandbox(Path(root), task.disk_mb, task.memory_mb)
         tried = sandbox.run("true", seconds=30)
         if tried.status != 0:

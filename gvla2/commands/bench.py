@@ -28,9 +28,10 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     """
     from gvla2.commands.report import publish
     from gvla2.evaluation.engine import run_suite
-    from gvla2.evaluation.results import Results, code_digest, commit, versions
+    from gvla2.evaluation.results import Results, code_digest, versions
     from gvla2.evaluation.suites import suite_named
-    from gvla2.io.files import make_folder, write_json
+    from gvla2.io.files import make_folder, plain, write_json
+    from gvla2.record.origin import origin_of
 
     suite_class = suite_named(config.suite)
     make_folder(folder)
@@ -45,7 +46,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
             "suite": config.suite,
             "run": run_id,
             "database": results.url,
-            "commit": commit(),
+            "origin": plain(origin_of(config, "bench")),
             "versions": versions(),
             "rows": [{**cell.flat(), "run": cell.run} for cell in cells],
         }

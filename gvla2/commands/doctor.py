@@ -125,7 +125,7 @@ def simulator(modules: Sequence[str] = SIMULATOR) -> Check:
     """Check that the simulator's modules can be imported."""
     advice = "pip install 'gvla2[sim]'; a shared library that is missing comes from a package of the system"
     try:
-        command = [sys.executable, "-W", "ignore", "-c", f"import {', '.join(modules)}"]
+        command = [sys.executable, "-P", "-W", "ignore", "-c", f"import {', '.join(modules)}"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_SECONDS, check=False)
     except subprocess.TimeoutExpired:
         return Check("simulator", "fail", f"no answer within {PROBE_SECONDS} s; is the machine busy?")

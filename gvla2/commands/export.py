@@ -115,7 +115,8 @@ def _source(folder: Path, result: Mapping[str, Any]) -> str:
     from omegaconf import OmegaConf
 
     config = folder / "config.yaml"
-    options: Any = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
+    found = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
+    options: Any = OmegaConf.to_container(found)  # unresolved: another's file may name our environment
     robot = options.get("robot") or result.get("robot_options") or {}
     cameras = list(robot.get("cameras") or ())
     named = {"urdf": robot.get("urdf"), "camera": cameras[0] if cameras else ""}

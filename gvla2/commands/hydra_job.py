@@ -24,6 +24,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from gvla2.errors import ConfigurationError, Gvla2Error, UnknownComponentError, did_you_mean
+from gvla2.io.secrets import refuse_secrets
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind, register, register_resolvers
 from gvla2.plugins.kinds import KINDS, SLOTS
@@ -84,7 +85,10 @@ class HydraTask:
 
     def __call__(self, config: DictConfig) -> object:
         """Run the job in Hydra's folder; the run's log gets the traceback of an error."""
-        if self.registry is None:
+        if self.registry is None:  # in a worker process of a launcher
+            from gvla2.evaluation.engine import end_with_parent
+
+            end_with_parent()
             self.registry = load_plugins()
         job = HydraConfig.get()
         try:
@@ -120,6 +124,9 @@ def launch(command: str, configs: Mapping[str, type], function: JobFunction, arg
     registry = _register(configs, configs[command])
     task = HydraTask(function, registry)
     try:
+        for word in argv:  # Hydra writes them into files before a job begins
+            option, _, value = word.lstrip("+~").partition("=")
+            refuse_secrets(option, value)
         with _terminable(), _command_line(f"gvla2 {command}", argv):
             # Only flags and presets ask for a sweep, to learn which Hydra composes a configuration more.
             if any(not _is_override(word) or word.startswith(_MAY_SWEEP) for word in argv):
@@ -154,8 +161,10 @@ def composed(
 def typed(config: DictConfig) -> Any:
     """The configuration as its dataclass.
 
-    Raises :class:`ConfigurationError` for options that no component has: Hydra lets ``+name=`` and ``++name=`` add any.
+    Raises :class:`ConfigurationError` for options that no component has: Hydra lets ``+name=`` and ``++name=`` add any;
+    and for a password or an access key in one.
     """
+    refuse_secrets("", OmegaConf.to_container(config, resolve=True, enum_to_str=True))
     made = OmegaConf.to_object(config)
     there = list(_options(made))
     for path in _unknown(made):
@@ -215,19 +224,34 @@ def quoted_instruction(argv: Sequence[str]) -> list[str]:
         option, _, text = word.partition("=")
         plain = not sweeps and text not in ("", "null") and text[0] not in "'\""
         if word in ("-i", "--instruction"):
-            made.append(_quoted(next(words, "")))
+            made.append(f"instruction={_text(next(words, ''))}")
         elif option == "--instruction" or (option == "instruction" and plain):
-            made.append(_quoted(text))
+            made.append(f"instruction={_text(text)}")
         else:
             made.append(word)
     return made
 
 
-def _quoted(text: str) -> str:
-    """The override that sets this instruction; both Hydra and OmegaConf read a backslash before what it escapes."""
+def as_overrides(options: Mapping[str, Any]) -> list[str]:
+    """Hydra's overrides that set options, by their dotted names, to Python values."""
+    return [f"{name}={_written(value)}" for name, value in options.items()]
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, str | Path):
+        return _text(str(value))
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}:{_written(each)}" for key, each in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_written, value)) + "]"
+    return {None: "null", True: "true", False: "false"}.get(value, repr(value))
+
+
+def _text(text: str) -> str:
+    """A text in Hydra's quotes; both Hydra and OmegaConf read a backslash before what it escapes."""
     escaped = re.sub(r"(\\*)('|\$\{)", r"\1\1\\\2", text)
     whole = re.sub(r"(\\+)$", r"\1\1", escaped)
-    return f"instruction='{whole}'"
+    return f"'{whole}'"
 
 
 def _is_override(word: str) -> bool:
@@ -259,7 +283,7 @@ def report(error: Exception, registry: Registry | None = None) -> int:
     """Print an error on stderr, with its traceback if it is unexpected or ``GVLA2_DEBUG=1``; the exit status 1."""
     expected = isinstance(error, Gvla2Error | HydraException | OmegaConfBaseException | OSError)
     if not expected or os.environ.get("GVLA2_DEBUG", "0") not in ("", "0"):
-        traceback.print_exception(error)
+        print(printable("".join(traceback.format_exception(error))), file=sys.stderr)
     print(f"gvla2: {printable(explain(error, registry))}", file=sys.stderr)
     return 1
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.errors import ConfigurationError, Gvla2Error, did_you_mean
+from gvla2.errors import ConfigurationError, Gvla2Error, did_you_mean, reading
 from gvla2.record.text import printable
 
 if TYPE_CHECKING:
@@ -121,8 +121,8 @@ def read_scene(folder: Path) -> Scene:
         raise ConfigurationError(
             f"'{folder}' has no {absent[0]}: it is not the folder of a run that perceived a scene.{hint}"
         )
-    try:
-        kept: dict[str, Any] = json.loads((folder / "scene.json").read_text("utf-8"))
+    with reading("a scene", folder / "scene.json", ConfigurationError):
+        kept: dict[str, Any] = json.loads((folder / "scene.json").read_text("utf-8-sig"))
         objects = tuple(
             SceneObject(
                 each["id"],
@@ -137,5 +137,3 @@ def read_scene(folder: Path) -> Scene:
         )
         workspace = Box(np.array(kept["workspace"]["low"]), np.array(kept["workspace"]["high"]))
         return Scene(objects, float(kept["table_height"]), workspace)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ConfigurationError(f"Cannot read {folder / 'scene.json'}: {error!r}.") from error

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from gvla2.record.reconstruction import ReconstructionRecord
 
 KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
+LEAST_AGREEMENT = 0.4
+"""Least symmetric IoU of a result with the masks that it was made of; wrong cameras reach .3, poor priors above .6."""
 LEAST_TRUTH_SUPPORT = 0.3
 """Mean mask support below which a true mesh is assumed to be in another frame; masks may be occluded in part."""
 
@@ -104,6 +106,7 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
     Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
     """
     from gvla2.reconstruction.branch import BranchComponents, refine_geometry
+    from gvla2.record.origin import origin_of
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction import STATES, ReconstructionRecord, ReconstructionRecorder, summary_line
     from gvla2.record.reconstruction_measures import measure
@@ -114,7 +117,9 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
             given = read_inputs(config)
         views, size = given.views, given.views[0].camera
         steps.report("read", f"{count(len(views), 'view')} of {given.name}, {size.width} x {size.height}")
-        recorder = ReconstructionRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)))
+        recorder = ReconstructionRecorder(
+            folder, OmegaConf.to_yaml(OmegaConf.structured(config)), origin_of(config, "reconstruct")
+        )
         built = registry.build_all(config, KINDS)
 
         with steps.step("reconstruct"):
@@ -142,6 +147,13 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
 
         with steps.step("measure"):
             measures = measure(result, views, built["renderer"], given.held_out, given.truth)
+        agreement = measures.after.numbers()["symmetric_iou"]
+        if agreement < LEAST_AGREEMENT:
+            raise GeometryError(
+                f"{given.folder}: the result and its views' masks agree by {agreement:.2f} (symmetric IoU), so "
+                "the views contradict each other. Is K of pictures of another size, are poses inverted or of another "
+                "convention, are masks of another object?"
+            )
         record = replace(record, measures=measures)
         steps.report("measure", ", ".join(measures.groups).replace("_", " "))
         with steps.step("draw"):

@@ -6,13 +6,15 @@ import logging
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hydra.errors import HydraException
 from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.commands import sweeps
 from gvla2.errors import ConfigurationError, Gvla2Error, kept_alive
@@ -20,6 +22,7 @@ from gvla2.evaluation.config import ResultsConfig
 from gvla2.plugins.assembly import build_components
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind
+from gvla2.plugins.registry import load_plugins
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.record.text import count, printable
 from gvla2.robot.options import DepthNoise
@@ -39,7 +42,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_OF_EPISODE = ("instruction", "depth_noise", "replan", "planner_timeout")
+_OF_EPISODE = ("instruction", "depth_noise", "second_tries", "replan", "planner_timeout")
 """Options of a run that each of its episodes has."""
 _SOURCE_FOLDERS = 4
 """Last folders of a run's path that identify its episode: the day, the time, the job of a sweep, the seed."""
@@ -50,10 +53,11 @@ class RunConfig(EveryKind):
     """One episode, or many. Besides these options there is one group for each kind of component.
 
     ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
-    ``quiet`` prints only the result. After an attempt that the verifier is sure has failed, the robot observes and
-    plans again, up to ``replan`` times an episode, with the reason of the failure. A planner without an answer after
-    ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or lacks the means,
-    ``fallback`` plans, another planner or none.
+    ``quiet`` prints only the result. An object that the hand surely missed or lost is tried again with another grasp or
+    place, up to ``second_tries`` times an episode. After an attempt that the verifier is sure has failed, the robot
+    observes and plans again, up to ``replan`` times an episode, with the reason of the failure. A planner without an
+    answer after ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or lacks the
+    means, ``fallback`` plans, another planner or none.
     ``branch`` holds the options of the reconstruction branch, which runs where a ``reconstructor`` is chosen. A sweep
     puts its jobs into the database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
     """
@@ -62,6 +66,7 @@ class RunConfig(EveryKind):
     seed: int = 0
     episodes: int = 1
     quiet: bool = False
+    second_tries: int = 2
     replan: int = 0
     planner_timeout: float = 60.0
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
@@ -69,7 +74,7 @@ class RunConfig(EveryKind):
     results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:
-        for name, least in (("episodes", 1), ("seed", 0), ("replan", 0)):
+        for name, least in (("episodes", 1), ("seed", 0), ("second_tries", 0), ("replan", 0)):
             if getattr(self, name) < least:
                 raise ConfigurationError(f"{name} is {getattr(self, name)}; it must be at least {least}.")
         if not 0 <= self.planner_timeout < math.inf:
@@ -133,6 +138,8 @@ def job(config: RunConfig, registry: Registry, folder: Path) -> float:
         return share
     for file in folder.glob(f"{sweeps.BANK}*"):  # what an earlier, unfinished try has learned
         file.unlink()
+    # Replaced when the job ends: a process that dies leaves its job named in the sweep's table.
+    sweeps.write_failure(folder, config, Gvla2Error("its process was stopped or died"))
     try:
         records = run_episodes(config, registry, folder, label, count_crashes=True)
     except Exception as error:
@@ -158,11 +165,12 @@ def run_episodes(
     from gvla2.episode.loop import EpisodeRequest
     from gvla2.episode.record import ABANDONED, planner_crashed
     from gvla2.io.files import write_text
+    from gvla2.record.origin import origin_of
     from gvla2.record.page import write_index, write_summary
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
 
-    composed = OmegaConf.to_yaml(OmegaConf.structured(config))
+    composed, origin = OmegaConf.to_yaml(OmegaConf.structured(config)), origin_of(config, "run")
     if config.episodes > 1:
         write_text(folder / "config.yaml", composed)
     records: list[EpisodeRecord] = []
@@ -179,7 +187,7 @@ def run_episodes(
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
             source = "/".join(target.parts[-_SOURCE_FOLDERS:])
             request = EpisodeRequest(seed=config.seed + number, source=source, **options)
-            listener = EpisodeReporter(RunRecorder(target, composed, command="run"), progress)
+            listener = EpisodeReporter(RunRecorder(target, composed, "run", origin), progress)
             record = _run_one(components, request, listener, count_crashes=count_crashes)
             progress.finish(record, target)
             records.append(record)
@@ -268,6 +276,31 @@ class Tracking:
             message = printable(describe(error))
             log.warning("%s failed and is no longer used: %s", self._named(who), message)
             log.info("The error:", exc_info=error)
+
+
+def run_here(options: Mapping[str, Any], folder: Path | str | None) -> EpisodeRecord:
+    """:func:`gvla2.run`."""
+    from gvla2.commands.hydra_job import as_overrides, composed, explain
+
+    registry = load_plugins()
+    try:
+        config, _ = composed("run", as_overrides({"quiet": True, **options}), registry)
+    except (HydraException, OmegaConfBaseException) as error:
+        raise ConfigurationError(explain(error, registry)) from error
+    if config.episodes != 1:
+        raise ConfigurationError("gvla2.run runs one episode: loop over seed, or use `gvla2 run episodes=N`.")
+    if folder is not None:
+        return run_episodes(config, registry, Path(folder))[0]
+    from gvla2.episode.loop import EpisodeRequest, run_episode
+    from gvla2.episode.record import ABANDONED
+
+    components = build_components(config, registry, branch=config.branch)
+    with closing(components.robot), closing(components.memory):
+        request = EpisodeRequest(seed=config.seed, **{name: getattr(config, name) for name in _OF_EPISODE})
+        record = run_episode(components, request)
+    if record.failure is not None and record.failure.kind in ABANDONED:
+        raise Gvla2Error(f"{record.failure.message} (stage: {record.failure.stage})")
+    return record
 
 
 def main(argv: Sequence[str]) -> int:

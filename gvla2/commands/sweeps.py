@@ -195,6 +195,8 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
 
 
 def _read(file: Path) -> dict[str, Any]:
+    if not file.is_file():  # reading a pipe would never end
+        return {}
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):

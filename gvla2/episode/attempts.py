@@ -1,8 +1,9 @@
-"""What follows a motion: the next part of its program, or another attempt at the whole.
+"""What follows a motion: the next part of its program, a second try of the same part, or another attempt at the whole.
 
 A planner may hand over more skill calls than one plan holds (open the drawer, then put the cube in). The loop carries
 out the plan, moves the hand out of the cameras' view, looks again, finds the objects of the remaining calls in the new
-scene, and plans on. An attempt that surely failed may be repeated from the start.
+scene, and plans on. An object that the hand surely missed or lost is tried again by the same calls, with another grasp
+or place. An attempt that surely failed may be repeated from the start, by the planner.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ NO_MORE = ("not_started", "interrupted", "diverged")
 
 MOVED = 0.02
 """Distance by which a camera must have moved for its picture to show other things, metres."""
+TABLE_MOVED = 0.02
+"""Difference of two looks at the table's height above which the later one is wrong, metres: tables do not move."""
+SHORT = 0.3
+"""Planned seconds of a motion below which starting and stopping count for more than its speed."""
 RISE = 0.10
 """Metres that the opened hand rises straight up before it goes home, or up to the workspace's edge."""
 
@@ -70,17 +75,54 @@ def next_part(record: EpisodeRecord) -> EpisodeRecord:
 
 
 def remaining_program(record: EpisodeRecord) -> Continuation:
-    """The calls that the previous part left to do, with ids of the record's scene.
+    """The calls that the previous part, or a failed try of this one, left to do, with ids of the record's scene.
 
     Raises :class:`PerceptionError` if one of its objects was not seen again.
     """
-    before, after = record.parts[-1].planned, record.parts[-1].after_scene
-    now = _present_ids(before.scene, after, record.seen.scene)
-    calls = tuple(_translated(call, now, before.scene) for call in before.plan.remaining)
+    last = previous(record)
+    before = last.planned
+    now = present_ids(before.scene, last.after_scene, record.seen.scene)
+    calls = tuple(_translated(call, now, before.scene) for call in _to_do(record))
     return Continuation(calls, before.plan.options)
 
 
-def _present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, str]:
+def _to_do(record: EpisodeRecord) -> tuple[SkillCall, ...]:
+    """The calls for which the record's part is planned, with ids of the scene before; none in a new attempt."""
+    last = previous(record) if record.parts or record.second_try else None
+    if last is None or last.plan is None:
+        return ()
+    return calls_left(last) if record.second_try else last.plan.remaining
+
+
+def with_covered(scene: Scene, record: EpisodeRecord) -> Scene:
+    """The scene with the objects of the remaining calls that the previous motion hid: a plate under the mug that was
+    put on it is where it was.
+    """
+    calls = _to_do(record)
+    if not calls:
+        return scene
+    last = previous(record)
+    before, trajectory = last.planned.scene, last.planned.plan.trajectory
+    carried = {w.carries for w in trajectory.waypoints} if trajectory is not None else set()
+    now = present_ids(before, last.after_scene, scene)
+    for name in dict.fromkeys(name for call in calls for name in (call.theme, call.goal) if name):
+        obj = before[name]
+        if name not in now and name not in carried and any(_stands_on(each, obj) for each in scene.objects):
+            scene = replace(scene, objects=(*scene.objects, replace(obj, id=f"covered {name}")))
+    return scene
+
+
+def _stands_on(obj: SceneObject, lower: SceneObject) -> bool:
+    """Whether an object's middle is above a lower one, at a height where the two can touch."""
+    return lower.covers(obj.centre) and lower.bottom - MOVED < obj.bottom < lower.top + MOVED
+
+
+def previous(record: EpisodeRecord) -> EpisodeRecord:
+    """The motion before this record's: a failed try of the same part, the part before it, or the attempt before."""
+    return record.attempts[-1] if record.second_try or not record.parts else record.parts[-1]
+
+
+def present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, str]:
     """Ids in ``now`` by the ids of ``before``, in which the previous part was planned.
 
     They are matched directly; objects that changed too much, via the scene in which that part ``ended``.
@@ -96,24 +138,23 @@ def _present_ids(before: Scene, ended: Scene | None, now: Scene) -> dict[str, st
     return found
 
 
-def _translated(call: SkillCall, now: dict[str, str], scene: Scene) -> SkillCall:
+def _translated(call: SkillCall, now: Mapping[str, str], scene: Scene) -> SkillCall:
     lost = next((name for name in (call.theme, call.goal) if name and name not in now), None)
     if lost is not None:
         label = next((o.label for o in scene.objects if o.id == lost), "")
         what = f"'{label}' ({lost})" if label else lost
-        raise PerceptionError(f"{call} comes next, but {what} was not seen again after the previous part.")
+        raise PerceptionError(f"{call} comes next, but {what} was not seen again after the previous motion.")
     return replace(call, theme=now.get(call.theme, ""), goal=now.get(call.goal, ""))
 
 
-def clear_view(robot: RobotBackend, part: EpisodeRecord, listener: ExecutionListener) -> str:
-    """Move the hand out of the cameras' view before the next look, if it is in it.
-
-    Returns "" or a sentence on what prevented it.
+def last_look_stands(robot: RobotBackend, part: EpisodeRecord) -> bool:
+    """Whether a part ended with a look for which the opened hand was out of the cameras' view: the next part needs no
+    look of its own.
     """
     after = part.executed.after
     rest = robot.arm.forward(robot.arm.home)[:3, 3]
     away = float(np.linalg.norm(after.world_from_tcp[:3, 3] - rest))
-    return "" if away <= AT_HOME and after.gripper > 0.95 else back_off(robot, part, listener)
+    return part.after_scene is not None and away <= AT_HOME and after.gripper > 0.95
 
 
 def cameras_moved(before: Observation, after: Observation) -> bool:
@@ -179,6 +220,77 @@ def _listed(calls: Sequence[SkillCall]) -> str:
     return ", ".join(map(str, calls))
 
 
+def calls_left(record: EpisodeRecord) -> tuple[SkillCall, ...]:
+    """The calls of a part that failed, from the one that it failed at, and those after it; none if that is unclear."""
+    plan, report = record.planned.plan, record.report
+    if len(plan.calls) > 1:
+        stopped = report.abort if report is not None else None
+        if stopped is None or plan.trajectory is None:
+            return ()
+        still = {waypoint.carries for waypoint in plan.trajectory.waypoints[stopped.index :]}
+        first = next((k for k, call in enumerate(plan.calls) if call.theme in still), len(plan.calls))
+        return (*plan.calls[first:], *plan.remaining) if first < len(plan.calls) else ()
+    return (*plan.calls, *plan.remaining)
+
+
+def should_try_again(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
+    """Whether to try the same calls in another way: the hand surely missed its object, lost it, or did not put it where
+    it belongs, and is empty now.
+
+    That the fingers closed on nothing is sure by itself, unless the object fell where it was to be put; else the
+    verifier must be sure.
+    """
+    plan, report = record.plan, record.report
+    if record.failure is None or plan is None or plan.trajectory is None or report is None:
+        return False
+    if record.after_scene is None or plan.trajectory.grips()[0] is None or _relative(plan, skills):
+        return False
+    lost = report.abort is not None and report.abort.abort == "slipped" and not _at_its_place(record)
+    sure = lost or (record.verdict is not None and record.verdict.outcome == "verified_fail")
+    return sure and hand_is_free(report) and bool(calls_left(record))
+
+
+def _at_its_place(record: EpisodeRecord) -> bool:
+    """Whether a carried object is seen about where it was to be let go of."""
+    done = record.executed
+    _, opens = done.trajectory.grips()
+    if opens is None or record.after_scene is None:
+        return False
+    wanted = done.trajectory.waypoints[opens]
+    later = correspond(done.scene, record.after_scene).get(wanted.carries)
+    if later is None:
+        return False
+    away = float(np.linalg.norm(later.centre[:2] - wanted.xyz[:2]))
+    return away < 0.5 * float(later.extents[:2].max())
+
+
+def least_seconds(record: EpisodeRecord) -> float:
+    """Seconds that another try of a part that failed takes at least until it lets go, at that one's fastest pace."""
+    done, report = record.executable, record.report
+    assert report is not None
+    planned = done.trajectory.seconds(record.seen.observation.world_from_tcp[:3, 3])
+    paces = [
+        each.motion_seconds / planned[each.index]
+        for each in report.waypoints
+        if not each.abort and planned[each.index] > SHORT
+    ]
+    _, opens = done.trajectory.grips()
+    return min(paces, default=0.0) * float(planned[: None if opens is None else opens + 1].sum())
+
+
+def second_try(record: EpisodeRecord) -> EpisodeRecord:
+    """The record of another try at the part that failed; the parts before it stay."""
+    failed = replace(record, attempts=(), parts=())
+    stopped = record.report.abort if record.report is not None else None
+    why = (
+        stopped.message
+        if stopped is not None
+        else " ".join(record.verdict.reasons[:1] if record.verdict else ())
+    )
+    note = f"Tried again in another way, since attempt {len(record.attempts) + 1} failed: {why}"
+    return record.afresh(attempts=(*record.attempts, failed), second_try=True, notes=(*record.notes, note))
+
+
 def should_replan(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
     """Whether to replan: something was executed, surely failed, and the instruction still means the same.
 
@@ -212,6 +324,8 @@ def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
 def previous_attempt_stands(record: EpisodeRecord) -> EpisodeRecord:
     """The previous attempt, which counts when this one ended before anything moved; a note says why."""
     before, failure = record.attempts[-1], record.failure
+    if record.second_try:
+        before = replace(before, parts=record.parts)
     why = f"at '{failure.stage}' ({failure.kind}): {failure.message}" if failure else "without a plan."
     note = f"Attempt {len(record.attempts) + 1} ended before anything moved, {why}"
     spent = Counter(before.timings)
@@ -224,7 +338,9 @@ def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionLis
 
     Returns "" or a sentence on what prevented it; the next attempt then starts from where the arm is.
     """
-    scene = attempt.after_scene or attempt.seen.scene
+    scene, before = attempt.after_scene, attempt.seen.scene
+    if scene is None or abs(scene.table_height - before.table_height) > TABLE_MOVED:
+        scene = before  # a camera on the hand saw something else as the table
     way = _way_home(robot, attempt.executed.after.world_from_tcp[:3, 3], scene)
     stopped = robot.execute(way, scene, listener).abort
     if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found

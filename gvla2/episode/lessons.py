@@ -11,8 +11,8 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from importlib.metadata import version
 
-import gvla2
 from gvla2.episode.attempts import with_whole_program
 from gvla2.episode.failure_diagnosis import approach_of, diagnose, theme_of
 from gvla2.episode.record import EpisodeRecord
@@ -66,7 +66,7 @@ def memory_episode(
         transcript=transcript(record),
         recalled=record.recalled or MemoryContext(),
         source=record.episode_id,
-        provenance={**record.choices, "gvla2": gvla2.__version__},
+        provenance={**record.choices, "gvla2": version("gvla2")},
     )
 
 

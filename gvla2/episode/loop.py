@@ -3,8 +3,9 @@
     observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
 
 Read :func:`run_episode` first; each stage below it is one function from record to record. A program that takes more
-than one plan runs from observe to verify part by part; an attempt that is seen to have failed may be repeated as a
-whole. A simulator's success check comes last, after everything was learned, so that no stage can see true state.
+than one plan runs from observe to verify part by part; a part whose object was surely missed or lost is tried again in
+another way; an attempt that is seen to have failed may be repeated as a whole. A simulator's success check comes last,
+after everything was learned, so that no stage can see true state.
 """
 
 from __future__ import annotations
@@ -23,15 +24,20 @@ from gvla2.episode.attempts import (
     NO_MORE,
     back_off,
     cameras_moved,
-    clear_view,
     hand_is_free,
     has_next_part,
+    last_look_stands,
+    least_seconds,
     next_attempt,
     next_part,
     part_instruction,
+    previous,
     previous_attempt_stands,
     remaining_program,
+    second_try,
     should_replan,
+    should_try_again,
+    with_covered,
 )
 from gvla2.episode.closer_look import camera_on_arm, closer_look
 from gvla2.episode.evidence import RobotEvidence
@@ -50,7 +56,7 @@ from gvla2.planning.contracts import LooksCloser, Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.planning.skill import Skill
-from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend
+from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend, TimeLimited
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.options import DepthNoise
 from gvla2.robot.report import ExecutionReport, WaypointReport
@@ -92,15 +98,17 @@ class Components:
 class EpisodeRequest:
     """One episode to run. Without ``instruction`` the task words its own by the seed; ``source`` identifies the run.
 
-    After an attempt that the verifier is sure has failed there are up to
-    ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
-    there is a fallback; 0 waits for ever.
+    An object that the hand surely missed or lost is tried again with another grasp or place, without the planner, until
+    ``second_tries`` attempts have failed. After an attempt that the verifier is sure has failed there are up to
+    ``replan`` further ones, planned anew. A planner that does not answer within ``planner_timeout`` seconds ends the
+    episode, unless there is a fallback; 0 waits for ever.
     """
 
     seed: int
     instruction: str | None = None
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
     source: str = ""
+    second_tries: int = 2
     replan: int = 0
     planner_timeout: float = 60.0
 
@@ -187,16 +195,14 @@ def run_episode(
     once = counted(once)
     again = tuple(entry for entry in once if entry[0] != "recall")  # its answer stays
     record = _go_through((("setup", lambda r: _set_up(r, components, request)), *once), record, listener)
-    record = _to_the_end(record, again, listener)
+    record = _to_the_end(record, again, listener, components, request)
     for _ in range(request.replan):
         if not should_replan(record, components.skills):
             break
-        record = _go_through(again, next_attempt(record), listener)
-        if record.report is None:
-            broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
-            record = record if broken else previous_attempt_stands(record)
+        record, moved = _another(again, next_attempt(record), listener)
+        if not moved:
             break
-        record = _to_the_end(record, again, listener)
+        record = _to_the_end(record, again, listener, components, request)
     closing: _Stages = (
         ("learn", lambda r: _learn(r, components)),
         ("success_check", lambda r: _check_success(r, components)),
@@ -207,11 +213,44 @@ def run_episode(
 _Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
 
 
-def _to_the_end(record: EpisodeRecord, stages: _Stages, listener: EpisodeListener) -> EpisodeRecord:
-    """Carry out the rest of an attempt's program, part by part, until it is done or a part fails."""
-    while has_next_part(record):
-        record = _go_through(stages, next_part(record), listener)
+def _to_the_end(
+    record: EpisodeRecord,
+    stages: _Stages,
+    listener: EpisodeListener,
+    components: Components,
+    request: EpisodeRequest,
+) -> EpisodeRecord:
+    """Carry out the rest of an attempt's program, part by part, until it is done or a part fails for good."""
+    moved = True
+    while moved:
+        if has_next_part(record):
+            record = _go_through(stages, next_part(record), listener)
+        elif len(record.attempts) < request.second_tries and should_try_again(record, components.skills):
+            if trouble := _out_of_time(record, components.robot):
+                return replace(record, notes=(*record.notes, trouble))
+            record, moved = _another(stages, second_try(record), listener)
+        else:
+            break
     return record
+
+
+def _out_of_time(record: EpisodeRecord, robot: RobotBackend) -> str:
+    """Why the robot's world leaves no time for another try of a part that failed, "" if it does."""
+    left = robot.seconds_left() if isinstance(robot, TimeLimited) else np.inf
+    needed = least_seconds(record)
+    if needed <= left:
+        return ""
+    return f"No second try: it would take {needed:.1f} s or more, and this world ends in {left:.1f} s."
+
+
+def _another(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> tuple[EpisodeRecord, bool]:
+    """Another attempt, and whether it moved anything: if it did not, the one before stands."""
+    record = _go_through(stages, record, listener)
+    broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
+    if record.report is None and not broken:
+        record = previous_attempt_stands(record)
+        return record, False
+    return record, record.report is not None
 
 
 def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> EpisodeRecord:
@@ -286,12 +325,10 @@ def _observe(
     record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
     if record.attempts or record.parts:
-        moving = _moving(listener)
-        trouble = (
-            clear_view(components.robot, record.parts[-1], moving)
-            if record.parts
-            else back_off(components.robot, record.attempts[-1], moving)
-        )
+        last = previous(record)
+        if (record.parts or record.second_try) and last_look_stands(components.robot, last):
+            return replace(record, observation=last.after, scene=last.after_scene)
+        trouble = back_off(components.robot, last, _moving(listener))
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
     return replace(record, observation=_look(components, request, 2 * _looks(record)))
 
@@ -322,7 +359,9 @@ def _looks(record: EpisodeRecord) -> int:
 def _perceive(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     if record.observation is None:
         raise RuntimeError("The episode has no observation: perceive was run too early.")
-    return replace(record, scene=_perceived(record.observation, record, components))
+    # That of the last motion's look, where that stands.
+    scene = record.scene or _perceived(record.observation, record, components)
+    return replace(record, scene=with_covered(scene, record))
 
 
 def _perceived(observation: Observation, record: EpisodeRecord, components: Components) -> Scene:
@@ -404,10 +443,10 @@ def _newly_named(before: Scene, now: Scene) -> str:
 
 
 def _planner(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> PlannerWithFallback:
-    """The planner with its fallback; for a later part, the rest of the program itself."""
+    """The planner with its fallback; for a later part or a second try, the rest of the program itself."""
     name, other = components.choices.get("planner", ""), components.choices.get("fallback", "fallback")
     first, fallback = NamedPlanner(name, components.planner), None
-    if record.parts:
+    if record.parts or record.second_try:
         first = NamedPlanner(f"{name}, part {len(record.whole)}", remaining_program(record))
     elif components.fallback is not None:
         fallback = NamedPlanner(other, components.fallback)

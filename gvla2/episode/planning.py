@@ -9,16 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from gvla2.episode.attempts import present_ids
 from gvla2.episode.failure_diagnosis import diagnose, theme_of
 from gvla2.episode.lessons import handled_lengths
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.errors import PlannerTimeoutError, PlanningError
+from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.language.contracts import LanguageModelError
 from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.arm import Arm
 from gvla2.planning.asking import ask
 from gvla2.planning.checks import check_trajectory
-from gvla2.planning.contracts import Advice, Done, Plan, Planner, PlanRequest
+from gvla2.planning.contracts import Advice, Done, Plan, Planner, PlanRequest, Tried
 from gvla2.planning.effects import Bound, effect_from_json, look_of, own_first, reconciled
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.programs import Program
@@ -167,17 +171,19 @@ def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) ->
     programs = [one for one in known if isinstance(one, Program)]
     lines = [context.text] if context.text else []
     done: list[Done] = []
+    tried: list[Tried] = []
     for number, attempt in enumerate(record.attempts, 1):
         source, signals = f"attempt {number}", diagnose(attempt, skills)
         effects += [replace(signal.effect, source=source) for signal in signals if signal.effect is not None]
         done += _done(attempt, signals, skills)
+        tried += _tried(attempt, signals, record)
         reasons = [signal.words for signal in signals]
         if not reasons and attempt.verdict is not None:
             reasons = [reason.rstrip(".") for reason in attempt.verdict.reasons]
         why = "; ".join(reasons) or "the goal was not reached"
         skill = f" ({attempt.plan.skill})" if attempt.plan is not None and attempt.plan.skill else ""
         lines.append(f"Earlier in this episode, {source}{skill} failed: {why}.")
-    return Advice("\n".join(lines), tuple(effects), tuple(programs), tuple(done))
+    return Advice("\n".join(lines), tuple(effects), tuple(programs), tuple(done), tuple(tried))
 
 
 def _done(attempt: EpisodeRecord, signals: Sequence[Signal], skills: Mapping[str, Skill]) -> list[Done]:
@@ -189,6 +195,26 @@ def _done(attempt: EpisodeRecord, signals: Sequence[Signal], skills: Mapping[str
     short = {s.effect.parameter for s in signals if s.kind == "undershoot" and isinstance(s.effect, Bound)}
     lasting = [name for name in skills[plan.skill].lasting if name in short]
     return [Done(plan.skill, name, plan.parameters[name], (x, y, z)) for name in lasting]
+
+
+def _tried(attempt: EpisodeRecord, signals: Sequence[Signal], record: EpisodeRecord) -> list[Tried]:
+    """The grasp that an attempt failed with, and the place if the object got there, moved with the two objects."""
+    plan, theme, before, after = attempt.plan, theme_of(attempt), attempt.scene, record.scene
+    if plan is None or plan.trajectory is None or theme is None or before is None or after is None:
+        return []
+    close, opens = plan.trajectory.grips()
+    lost = any(signal.kind in ("slip", "missed_grasp") for signal in signals)
+    if close is None or (opens is None and not lost and not record.second_try):
+        return []  # the grasp was not the reason
+    now = present_ids(before, attempt.after_scene, after)
+    poses = plan.trajectory.poses(attempt.seen.observation.world_from_tcp)
+
+    def moved(pose: FloatArray, name: str) -> FloatArray:
+        shift = after[now[name]].centre - before[name].centre if name in now else np.zeros(3)
+        return rigid(None, shift) @ pose
+
+    release = None if lost or opens is None else moved(poses[opens], plan.roles.get("goal", ""))
+    return [Tried(moved(poses[close], theme.id), release)]
 
 
 def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str, ...]]:

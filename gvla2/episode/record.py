@@ -111,7 +111,8 @@ class EpisodeRecord:
     simulator's, from true state; it is filled last, so nothing can learn from it. ``attempts`` are the records of the
     attempts before this one, first to last, each with its own timings and no attempts; an episode that never replanned
     has none. A program that takes several plans is carried out part by part: ``parts`` are the records of the earlier
-    parts of the same attempt, again without parts of their own.
+    parts of the same attempt, again without parts of their own. A ``second_try`` repeats the calls of the part that
+    failed, the last of ``attempts``, with another grasp or place; the parts before it stay.
     """
 
     episode_id: str
@@ -138,6 +139,7 @@ class EpisodeRecord:
     notes: tuple[str, ...] = ()
     attempts: tuple[EpisodeRecord, ...] = ()
     parts: tuple[EpisodeRecord, ...] = ()
+    second_try: bool = False
 
     @property
     def seen(self) -> Seen:
@@ -181,6 +183,11 @@ class EpisodeRecord:
         """The attempts, first to last, this record being the last."""
         return (*self.attempts, replace(self, attempts=()))
 
+    @property
+    def second_tries(self) -> int:
+        """How many parts were tried again with another grasp or place, in all attempts."""
+        return sum(part.second_try for each in self.tries for part in each.whole)
+
     def afresh(self, **kept: Any) -> EpisodeRecord:
         """The empty record of the next attempt or part; instruction, memory's answer and notes stay.
 
@@ -213,6 +220,7 @@ class EpisodeRecord:
             "choices": dict(self.choices),
             **{name: last[name] for name in ("skill", "parameters", "failure", "timings")},
             "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
+            "second_tries": self.second_tries,
             "attempts": [each.attempted() for each in self.tries],
             "parts": [each.attempted() for each in self.whole],
             "notes": list(self.notes),

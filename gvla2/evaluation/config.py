@@ -158,10 +158,11 @@ class RobotBench(MemoryArms, BranchBench):
 
     Experience comes from ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
     spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
-    an episode. ``replan`` further attempts are allowed in an episode of the test; where
-    the planner fails, ``fallback`` plans, if there is one. With ``planner_timeout`` > 0 (seconds), an episode whose
-    planner takes longer is not measured, nor is one whose language model was unavailable: it counts for no arm, and the
-    next bench measures it again. The reconstruction branch runs where a ``reconstructor`` is chosen.
+    an episode. In an episode of the test the hand tries again what it missed or lost, up to ``second_tries`` times, and
+    ``replan`` further attempts are allowed; where the planner fails, ``fallback`` plans, if there is one. With
+    ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
+    model was unavailable: it counts for no arm, and the next bench measures it again. The reconstruction branch runs
+    where a ``reconstructor`` is chosen.
 
     ``films`` are kept of "none" of the test's episodes, of "failures", or of "all": each is the folder of a run. Tasks
     named SUITE/NUMBER are also counted by suite and by ``groups`` of suites, beside ``published`` results: by system,
@@ -183,6 +184,7 @@ class RobotBench(MemoryArms, BranchBench):
     exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
     exploration: float = 0.25
     exploration_replan: int = 0
+    second_tries: int = 2
     replan: int = 0
     planner_timeout: float = 0.0
     films: str = "none"
@@ -194,7 +196,7 @@ class RobotBench(MemoryArms, BranchBench):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        below = [name for name in ("replan", "exploration_replan") if getattr(self, name) < 0]
+        below = [name for name in ("second_tries", "replan", "exploration_replan") if getattr(self, name) < 0]
         _require(
             (self.world in ("plain", LEARNABLE), f"world is '{self.world}'; it is plain or {LEARNABLE}."),
             (self.films in ("none", "failures", "all"), f"films is '{self.films}'; it is none, failures or all."),

@@ -222,18 +222,24 @@ def _once(
 
 def _begin() -> None:
     """In a new worker, before it loads numerical libraries: one thread for each, a quiet end on Ctrl-C (the terminal
-    signals all processes), and an end with its parent, which SIGTERM and SIGKILL reach alone.
+    signals all processes), and an end with its parent.
     """
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    end_with_parent()
+
+
+@cache
+def end_with_parent() -> None:
+    """End this worker process within a second of its parent, which SIGTERM and SIGKILL reach alone."""
     parent = os.getppid()
 
-    def end_with_parent() -> None:
+    def watch() -> None:
         while os.getppid() == parent:
             time.sleep(0.5)
         os._exit(1)
 
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    threading.Thread(target=watch, daemon=True).start()
 
 
 class BenchProgress(Progress):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
@@ -22,12 +21,14 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from sqlalchemy import Engine, Text, create_engine
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.orm import registry
 from sqlmodel import Field, Session, SQLModel, col, select
 
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.io.database_url import Closing, parsed, shown
+from gvla2.record.origin import commit
 
 DEFAULT_URL = "sqlite:///outputs/results.sqlite"
 BUSY_SECONDS = 30.0
@@ -142,7 +143,10 @@ class Results(Closing):
             path = file_of(url)
             if path is not None:
                 path.parent.mkdir(parents=True, exist_ok=True)
-            tables.metadata.create_all(engine)
+            try:
+                tables.metadata.create_all(engine)
+            except DBAPIError:  # another bench made them meanwhile
+                tables.metadata.create_all(engine)
         return opened
 
     def begin(self, suite: str, folder: Path, config: str, code: str = "") -> int:
@@ -163,13 +167,15 @@ class Results(Closing):
             return run.id
 
     def add(self, run: int, suite: str, cells: Iterable[Cell]) -> None:
-        """Store cells of a run, all or none; one with the same key is replaced."""
+        """Store cells of a run, all or none; one with the same key, perhaps of another bench's, is replaced."""
+        insert: Any = sqlite.insert if self._engine.dialect.name == "sqlite" else postgresql.insert
+        own = ("factors", "measures", "notes")
         with self._session() as session:
             for cell in cells:
-                texts = {
-                    name: json.dumps(dict(getattr(cell, name))) for name in ("factors", "measures", "notes")
-                }
-                session.merge(Row(key=cell.key, run_id=run, suite=suite, **texts))
+                texts = {name: json.dumps(dict(getattr(cell, name))) for name in own}
+                values = {"run_id": run, "suite": suite, **texts}
+                statement = insert(Row).values(key=cell.key, **values)
+                session.execute(statement.on_conflict_do_update(index_elements=["key"], set_=values))
 
     def with_keys(self, keys: Sequence[str]) -> dict[str, Cell]:
         """The stored cells among these keys."""
@@ -241,18 +247,6 @@ def versions() -> dict[str, str]:
         with suppress(PackageNotFoundError):
             found[package] = version(package)
     return found
-
-
-def commit() -> str:
-    """The commit of the source tree, with ``-dirty`` when files differ from it; "" outside a git checkout."""
-    folder = Path(__file__).resolve().parents[2]
-    command = ["git", "-C", str(folder), "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"]
-    if not (folder / ".git").exists():
-        return ""
-    try:
-        return subprocess.run(command, capture_output=True, text=True, timeout=20, check=True).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return ""
 
 
 @cache

@@ -8,7 +8,7 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from gvla2.evaluation.results import Cell, Run
 
@@ -158,6 +158,7 @@ def to_csv(cells: Sequence[Cell]) -> str:
         {**cell.factors, **cell.measures, "status": cell.status, "folder": cell.notes.get("folder", "")}
         for cell in cells
     ]
+    rows = [{_text_in_csv(name): _text_in_csv(value) for name, value in row.items()} for row in rows]
     text = io.StringIO()
     table = csv.DictWriter(
         text, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n"
@@ -165,6 +166,17 @@ def to_csv(cells: Sequence[Cell]) -> str:
     table.writeheader()
     table.writerows(rows)
     return text.getvalue()
+
+
+def _text_in_csv(value: Any) -> Any:
+    """A value that no spreadsheet takes for a formula: a quote stands before one that would begin so."""
+    if not isinstance(value, str) or not value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value
 
 
 def render_report(sheets: Sequence[Sheet], runs: Sequence[Run], title: str) -> str:

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from plyfile import PlyData, PlyElement, PlyParseError
+from plyfile import PlyData, PlyElement
 
-from gvla2.errors import GeometryError
+from gvla2.errors import GeometryError, reading
 from gvla2.io.files import write_whole
 
 SH_C0 = 0.2820948
@@ -107,21 +107,19 @@ def read_gaussians(path: str | os.PathLike[str]) -> Gaussians:
     that Gaussians need, or with centres that are not finite.
     """
     source = Path(path)
-    try:
+    with reading("Gaussians", source):
         ply = PlyData.read(io.BytesIO(source.read_bytes()))
         vertices: Any = ply["vertex"].data if "vertex" in ply else np.zeros(0)
         names = [name for names in _COLUMNS.values() for name in names]
         if missing := [name for name in names if name not in (vertices.dtype.names or ())]:
-            raise ValueError(f"it is not a 3DGS file, its vertices lack {', '.join(missing)}.")
+            raise GeometryError(f"it is not a 3DGS file, its vertices lack {', '.join(missing)}.")
         if len(vertices) == 0:
-            raise ValueError("it holds no Gaussians.")
+            raise GeometryError("it holds no Gaussians.")
         arrays = {
             array: np.stack([vertices[name] for name in names], axis=1).astype(np.float32)
             for array, names in _COLUMNS.items()
         }
         return Gaussians(**(arrays | {"opacity_logits": arrays["opacity_logits"][:, 0]}))
-    except (OSError, PlyParseError, ValueError) as error:
-        raise GeometryError(f"Cannot read Gaussians from {source}: {error}") from error
 
 
 def write_gaussians(path: str | os.PathLike[str], gaussians: Gaussians) -> None:

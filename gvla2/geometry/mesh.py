@@ -224,7 +224,7 @@ class TexturedMesh:
         for number, image in enumerate(self.images):
             mine = self.texture[faces] == number
             colours[mine] *= bilinear(image, spot[mine]) / 255.0
-        return np.asarray(colours)
+        return np.asarray(np.clip(colours, 0.0, 1.0))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import logging
 import os
 import re
 import struct
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -34,6 +35,8 @@ _GLTF = (".glb", ".gltf")
 _UNREADABLE = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"}
 _READ = {"KHR_draco_mesh_compression", "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual"}
 """Extensions of glTF that trimesh would misread, and those that may be required; of Draco it asks DracoPy."""
+_EXACT = {"TEXCOORD_0": "_UV", "COLOR_0": "_RGB"}
+"""Attributes of glTF, and the names under which trimesh keeps them as they are."""
 _TURNS: Mapping[str, FloatArray] = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -78,6 +81,8 @@ def read_textured_mesh(path: str | os.PathLike[str], up: Literal["file", "z"] = 
         looks = [_look(piece, uv_moves) for piece in pieces]
         vertices, faces = np.unique(np.concatenate(list(map(_corners, pieces))), axis=0, return_inverse=True)
         mesh = TriangleMesh(vertices @ from_file.T, faces.reshape(-1, 3))
+        if not all(np.isfinite(uv).all() and np.isfinite(rgb).all() for uv, rgb, _ in looks):
+            raise GeometryError("its colours or texture coordinates are not finite.")
     images = [image for _, _, image in looks if image is not None]
     numbers = np.cumsum([image is not None for _, _, image in looks]) - 1
     texture = [-1 if image is None else number for number, (_, _, image) in zip(numbers, looks, strict=True)]
@@ -112,7 +117,8 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
     if not source.is_file():
         raise GeometryError("there is no such file.")
     content = source.read_bytes().removeprefix(codecs.BOM_UTF8)
-    resolver, moves, from_file = _BesideResolver(source), {}, np.eye(3)
+    resolver, from_file = _BesideResolver(source), np.eye(3)
+    moves: _Moves = {}
     if suffix == ".dae":
         content, from_file = _plain_collada(source, content, up)
     elif suffix in _GLTF:
@@ -120,8 +126,8 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
         from_file = _TURNS["Y_UP"]
     elif suffix == ".obj":
         content = _plain_obj(content, resolver)
-    elif suffix == ".ply":  # Blender's older names
-        content = re.sub(rb"(?m)^(property \w+ )diffuse_", rb"\1", content, count=3)
+    elif suffix == ".ply":
+        content = _plain_ply(content)
     kind = suffix.removeprefix(".")
     scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
     return scene, from_file, moves
@@ -162,13 +168,15 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
 
     Faces whose material is in no library, or that have none, have no colour of their own.
     """
-    text = re.sub(r"\r\n?", "\n", _decoded(content)).replace("\\\n", " ")
-    text = re.sub(r"(?m)^[ \t]+", "", re.sub(r"[ \t]*\t[ \t]*", " ", text))
-    text = re.sub(r"(?m)^((?:v|vt|vn|f) [^#\n]*)#.*$", r"\1", text)
-    if zero := re.search(r"(?m)^f(?: \S+)*? 0(?:/.*)?(?: .*)?$", text):
-        raise GeometryError(f"'{zero[0][:60]}' names vertex 0; an OBJ file counts from 1.")
+    text = "\n" + re.sub(r"\r\n?", "\n", _decoded(content)).replace("\\\n", " ")
+    if "\t" in text or "\n " in text:
+        text = re.sub(r"\n +", "\n", re.sub(r"[ \t]*\t[ \t]*", " ", text))
+    if text.count("#") > text.count("\n#"):
+        text = re.sub(r"(\n(?:v|vt|vn|f) [^#\n]*)#.*", r"\1", text)
+    if zero := re.search(r"\nf .*(?<= )0(?!\d).*", text):
+        raise GeometryError(f"'{zero[0][1:60]}' names vertex 0; an OBJ file counts from 1.")
     libraries = []
-    for name in re.findall(r"(?m)^mtllib (.+)$", text):
+    for name in re.findall(r"\nmtllib (.+)", text):
         for each in dict.fromkeys((name, *name.split())):
             try:
                 libraries.append(_decoded(resolver.get(each)))
@@ -176,15 +184,25 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
                 continue
             break
     library = re.sub(rf"(?mi)^(\s*map_kd){_OPTIONS}", r"\1 ", "\n".join(libraries))
-    text = re.sub(r"(?m)^mtllib .*$", "", text)
+    text = re.sub(r"\nmtllib .*", "", text)
     known = {" ".join(name.split()) for name in re.findall(r"(?mi)^\s*newmtl (.+)$", library)}
-    used = re.compile(r"(?m)^usemtl (.+)$")
-    text = used.sub(lambda use: use[0] if " ".join(use[1].split()) in known else f"usemtl {_PLAIN}", text)
-    first = re.search(r"(?m)^(f|usemtl) ", text)
-    if first and first[1] == "f" and re.search(r"(?m)^f \S*\d/\d", text):
-        text = f"usemtl {_PLAIN}\n{text}"
+    plain = f"\nusemtl {_PLAIN}"
+    text = re.sub(r"\nusemtl (.+)", lambda use: use[0] if " ".join(use[1].split()) in known else plain, text)
+    if re.search(r"\nf \S*\d/\d", text) and "\nusemtl " not in text[: text.find("\nf ")]:
+        text = plain + text
     resolver.materials = f"{library}\nnewmtl {_PLAIN}\nKd 1 1 1\n".encode()
-    return f"mtllib {_MATERIALS}\n{text}".encode()
+    return f"mtllib {_MATERIALS}{text}".encode()
+
+
+def _plain_ply(content: bytes) -> bytes:
+    """A PLY file with the usual names of colours, and without texture coordinates where it names no picture."""
+    header, end, body = content.partition(b"end_header")
+    header = re.sub(rb"(?m)^(property \w+ )(?:diffuse_)(red|green|blue)\b", rb"\1\2", header)
+    for short, name in ((b"r", b"red"), (b"g", b"green"), (b"b", b"blue")):
+        header = re.sub(rb"(?m)^(property \w+ )" + short + rb"(\r?)$", rb"\1" + name + rb"\2", header)
+    if b"TextureFile" not in header:
+        header = re.sub(rb"(?m)^(property .*\b)([stuv]|texture_[uv]|texcoord)(\r?)$", rb"\1no_\2\3", header)
+    return header + end + body
 
 
 def _decoded(content: bytes) -> str:
@@ -202,14 +220,50 @@ def _plain_collada(source: Path, content: bytes, up: Literal["file", "z"]) -> tu
         raise MissingDependencyError(
             "the package 'pycollada'", f"Reading {source}", "pip install pycollada"
         ) from error
-    head = content[: content.find(b"</asset>")].decode(errors="replace")
-    if "<COLLADA" in head and "xmlns=" not in head[head.index("<COLLADA") :].partition(">")[0]:
-        named = b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"'
-        content = content.replace(b"<COLLADA", named, 1)  # pycollada knows elements by their namespace alone
-    unit = re.search(r"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']+)", head)
-    axis = re.search(r"<up_axis>\s*(\w+)", head)
-    turn = _TURNS.get(axis[1] if axis and up == "file" else "Z_UP", np.eye(3))
-    return content, turn * (float(unit[1]) if unit else 1.0)
+    root = ET.fromstring(content)
+    tag = "{*}" if root.tag.startswith("{") else ""
+    unit, axis = root.find(f"{tag}asset/{tag}unit"), root.findtext(f"{tag}asset/{tag}up_axis") or ""
+    turn = _TURNS.get(axis.strip() if up == "file" else "Z_UP", np.eye(3))
+    _drop_dangling(root)
+    if not tag:  # pycollada knows elements by their namespace alone
+        root.set("xmlns", "http://www.collada.org/2005/11/COLLADASchema")
+    return ET.tostring(root), turn * (1.0 if unit is None else float(unit.get("meter", 1.0)))
+
+
+def _drop_dangling(root: ET.Element) -> None:
+    """Take out materials and textures that refer to what the file lacks, else pycollada leaves out their geometry.
+
+    Raises :class:`GeometryError` for a geometry or node that is placed and missing.
+    """
+    ids = {f"#{element.get('id')}" for element in root.iter() if element.get("id")}
+    for effect in root.iterfind(".//{*}effect"):
+        named = {str(element.get("sid")) for element in effect.iter()} | {name[1:] for name in ids}
+        for parent in list(effect.iter()):
+            for child in list(parent):
+                source = child.findtext("{*}sampler2D/{*}source") or child.findtext("{*}surface/{*}init_from")
+                if source is not None and source.strip() not in named:
+                    parent.remove(child)
+                    named.discard(str(child.get("sid")))
+        for parent in list(effect.iter()):
+            for child in parent.findall("{*}texture"):
+                if child.get("texture") not in named:
+                    child.tag = child.tag.replace("texture", "color")
+                    child.attrib.clear()
+                    child.text = "1 1 1 1"
+    for tag, key in (("instance_effect", "url"), ("instance_material", "target")):
+        for parent in list(root.iter()):
+            for child in parent.findall(f"{{*}}{tag}"):
+                if child.get(key) not in ids:
+                    ids.discard(f"#{parent.get('id')}")
+                    parent.remove(child)
+    for materials in root.iterfind("{*}library_materials"):
+        for material in list(materials):
+            if f"#{material.get('id')}" not in ids:
+                materials.remove(material)
+    for element in (*root.iterfind(".//{*}instance_geometry"), *root.iterfind(".//{*}instance_node")):
+        url = element.get("url", "")
+        if url.startswith("#") and url not in ids:
+            raise GeometryError(f"it places {url[1:]}, which it does not hold.")
 
 
 def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
@@ -229,7 +283,8 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
         raise GeometryError(f"it uses {', '.join(found)}, which is not read; export it without.")
     if any("sparse" in accessor for accessor in tree.get("accessors", ())):
         raise GeometryError("it has sparse accessors, which are not read; export it without.")
-    moves, sets = {}, {}
+    moves: dict[str, FloatArray] = {}
+    sets: dict[int, int] = {}
     for number, material in enumerate(tree.get("materials", ())):
         material["name"] = str(number)
         base = material.setdefault("pbrMetallicRoughness", {})
@@ -251,6 +306,15 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
             for attributes in filter(None, (primitive["attributes"], draco.get("attributes"))):
                 first = attributes.pop("TEXCOORD_0", None)
                 attributes["TEXCOORD_0"] = attributes.get(f"TEXCOORD_{wanted}", first)
+    for primitive in (p for mesh in tree.get("meshes", ()) for p in mesh["primitives"]):
+        for (
+            name,
+            own,
+        ) in _EXACT.items():  # trimesh takes integers for what they are, not for shares of their range
+            at = primitive["attributes"].get(name)
+            accessor = {} if at is None else tree["accessors"][at]
+            if accessor.get("normalized") and "bufferView" in accessor:
+                primitive["attributes"][own] = at
     text = json.dumps(tree).encode()
     if not binary:
         return text, moves
@@ -290,14 +354,18 @@ def _look(
             tint = np.ones(3)  # glTF's default
         elif flat and tint is None:
             tint = visual.material.main_color
-        painted = visual.vertex_attributes.get("color")
+        painted = part.vertex_attributes.get(_EXACT["COLOR_0"], visual.vertex_attributes.get("color"))
         if painted is None and visual.material.name == _PLAIN:
             tint = np.full(3, GREY)
         rgb = np.broadcast_to(np.ones(3) if tint is None else _unit(tint)[:3], (*faces.shape, 3))
         if painted is not None:
             rgb = rgb * _unit(painted)[:, :3][faces]
         if not flat:
-            at = np.asarray(visual.uv, dtype=np.float64)
+            at = np.asarray(visual.uv, dtype=np.float64)[:, :2]
+            if (exact := part.vertex_attributes.get(_EXACT["TEXCOORD_0"])) is not None:
+                at = [0.0, 1.0] + [1.0, -1.0] * _unit(exact)
+            if at.shape != (len(part.vertices), 2):
+                raise GeometryError("a texture coordinate has not two numbers.")
             if (move := uv_moves.get(str(visual.material.name))) is not None:
                 down = np.column_stack([at[:, 0], 1 - at[:, 1], np.ones(len(at))]) @ move.T
                 at = np.column_stack([down[:, 0], 1 - down[:, 1]])
@@ -306,6 +374,8 @@ def _look(
     if visual.kind == "face":
         rgb = np.repeat(_unit(visual.face_colors)[:, None, :3], 3, axis=1)
         return uv, rgb.astype(np.float32), None
+    if (exact := part.vertex_attributes.get(_EXACT["COLOR_0"])) is not None:
+        return uv, _unit(exact)[:, :3].astype(np.float32)[faces], None
     if visual.kind == "vertex":
         return uv, _unit(visual.vertex_colors)[:, :3].astype(np.float32)[faces], None
     return uv, np.full((*faces.shape, 3), GREY, dtype=np.float32), None
@@ -317,6 +387,7 @@ def _image(material: Any) -> NDArray[np.uint8] | None:
 
 
 def _unit(colour: Any) -> FloatArray:
-    """Colours in [0, 1] from bytes or floats."""
+    """Colours or coordinates in [0, 1] from floats or unsigned integers."""
     array = np.asarray(colour)
-    return array / 255.0 if array.dtype == np.uint8 else np.clip(array.astype(np.float64), 0, 1)
+    full = np.iinfo(array.dtype).max if array.dtype.kind == "u" else 1.0
+    return np.clip(array / full, 0.0, 1.0)

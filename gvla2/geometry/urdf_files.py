@@ -170,6 +170,8 @@ def mesh_name(filename: str) -> str:
     scheme, mark, rest = filename.partition("://")
     if mark and scheme == "file":
         rest = unquote(rest)
+    elif mark:
+        rest = rest.lstrip("/")
     return (rest if mark else filename).replace("\\", "/")
 
 

@@ -33,7 +33,7 @@ VIEWS, CAMERAS = "views", "cameras.json"
 """A run's folder of views, and the file with the cameras of a folder."""
 FOCAL = 35.0 / 32.0
 """Focal length over the image's width in a GSO-30 tree."""
-SCALED = 1.4
+SCALED = 1.2
 """A principal point that is off the middle by more than this factor, in x and y alike, shows a K of another size."""
 PROTOCOL_VIEWS, PROTOCOL_SIZE = (0, 1, 2, 3, 4), 256
 
@@ -198,6 +198,8 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
         return next((path for path in named if path.is_file()), None)
 
     with reading(f"view '{name}'", cameras):
+        if Path(name).is_absolute() or ".." in Path(name).parts:
+            raise GeometryError("its name leads out of the folder.")
         if not name or (picture := first("images", _PICTURES)) is None:
             raise GeometryError(f"there is no {folder / 'images' / name}.png.")
         image, mask = _read_picture(picture)

@@ -8,6 +8,7 @@ import importlib.util
 import json
 import logging
 import math
+import re
 import sqlite3
 import time
 from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence
@@ -50,6 +51,8 @@ _ADVICE = {
 }
 
 
+MOST_BYTES = 32 << 20
+"""The longest answer that is read: a hostile server could fill the memory."""
 TOP_LOGPROBS = 20
 """The most alternatives per token that the API allows."""
 
@@ -73,6 +76,7 @@ class Endpoint:
             server = options
         self.ledger = Ledger()
         self._options, self._server, self._key = options, server, server.key()
+        self._spelled = _spellings_of(self._key) if self._key else None
         self._cache = str(Path(options.cache).expanduser()) if options.cache else ""
         self._model, self._refused = server.model, set[str]()
 
@@ -124,7 +128,7 @@ class Endpoint:
             api_key=self._key or "none",
             timeout=None,
             max_retries=self._options.retries,
-            http_client=openai.DefaultAsyncHttpxClient(trust_env=not here),
+            http_client=_bounded_client(trust_env=not here),
         )
 
     async def _only_model(self, client: openai.AsyncOpenAI) -> str:
@@ -197,10 +201,12 @@ class Endpoint:
             raise self._status_failure(where, error) from None
         except openai.APIConnectionError as error:
             cause = error.__cause__ or error
+            if isinstance(cause, MalformedAnswerError):
+                raise MalformedAnswerError(f"{where}: {cause}") from None
             message = f"{where} cannot be reached or broke off ({type(cause).__name__}: {cause})."
             raise ModelUnavailableError(f"{message} Is a server running there?") from error
         try:
-            answer = json.loads(self._redacted(received.decode(errors="replace")))
+            answer = self._redacted(json.loads(received.decode(errors="replace")))
         except (ValueError, RecursionError) as error:
             message = f"{where} answered with {len(received)} bytes that are not JSON ({error})."
             raise MalformedAnswerError(f"{message} Check base_url: it usually ends in /v1.") from error
@@ -220,8 +226,13 @@ class Endpoint:
         message = f"{where} refused the request with status {status}: {said}. {advice}"
         return ModelRefusedError(message, status=status)
 
-    def _redacted(self, text: str) -> str:
-        return text.replace(self._key, "[key]") if self._key else text
+    def _redacted(self, said: Any) -> Any:
+        """Text or JSON without the key, however its characters are escaped."""
+        if isinstance(said, str):
+            return self._spelled.sub("[key]", said) if self._spelled else said
+        if isinstance(said, dict):
+            return {self._redacted(name): self._redacted(value) for name, value in said.items()}
+        return [self._redacted(value) for value in said] if isinstance(said, list) else said
 
     def _kept(self, key: str) -> Completion | None:
         """A cached answer; a damaged one is requested again."""
@@ -267,6 +278,41 @@ def _run(work: Coroutine[Any, Any, T]) -> T:
         return asyncio.run(work)
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(asyncio.run, work).result()
+
+
+def _bounded_client(*, trust_env: bool) -> Any:
+    """The package's HTTP client, but that it reads no more than :data:`MOST_BYTES` of an answer."""
+    import openai
+
+    class Bounded(openai.DefaultAsyncHttpxClient):
+        """A client whose answers are in memory, and bounded."""
+
+        async def send(self, request: Any, **options: Any) -> Any:
+            """Send a request; raises :class:`MalformedAnswerError` for an answer that is too long."""
+            response, body = await super().send(request, **options | {"stream": True}), bytearray()
+            try:
+                async for (
+                    some
+                ) in response.aiter_bytes():  # decompressed: a small answer may unpack to a large one
+                    body += some
+                    if len(body) > MOST_BYTES:
+                        raise MalformedAnswerError(f"the answer is longer than {MOST_BYTES >> 20} MB.")
+            finally:
+                await response.aclose()
+            coded = ("content-encoding", "content-length", "transfer-encoding")
+            headers = [pair for pair in response.headers.multi_items() if pair[0].lower() not in coded]
+            return type(response)(response.status_code, headers=headers, content=bytes(body), request=request)
+
+    return Bounded(trust_env=trust_env)
+
+
+def _spellings_of(key: str) -> re.Pattern[str]:
+    """A key in text that escapes characters as JSON, addresses or HTML do, any number of times."""
+    spelled = (
+        rf"(?:\\*{re.escape(c)}|\\+u00{ord(c):02x}|%{ord(c):02x}|&#(?:x0*{ord(c):x}|0*{ord(c)});)"
+        for c in key
+    )
+    return re.compile("".join(spelled), re.IGNORECASE)
 
 
 def request_body(request: Request, options: AskingOptions, *, grammars: bool) -> dict[str, Any]:

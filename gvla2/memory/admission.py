@@ -31,6 +31,7 @@ from gvla2.memory.records import (
     dump,
     finite,
     record_id,
+    source_id,
 )
 
 log = logging.getLogger(__name__)
@@ -260,7 +261,7 @@ def provenance(known: Record | None, episode: MemoryEpisode) -> str:
     others = known.provenance_json() if known is not None else {}
     sources = list(known.sources()) if known is not None else []
     if episode.source:
-        source = clean(episode.source, 200)
+        source = source_id(episode.source)
         sources = [other for other in sources if other != source] + [source]
     made_by = {str(k)[:64]: str(v)[:200] for k, v in episode.provenance.items()}
     return dump({**others, "made_by": made_by, "sources": sources[-MAX_SOURCES:]})

@@ -42,7 +42,7 @@ from gvla2.memory.embedding import record_vectors
 from gvla2.memory.index import STATES, Index
 from gvla2.memory.induction import RulesInducer, ungrounded
 from gvla2.memory.options import BankOptions
-from gvla2.memory.records import MAX_QUERY, SECONDS_PER_DAY, Record, Trust, clean, dump
+from gvla2.memory.records import MAX_QUERY, SECONDS_PER_DAY, Record, Trust, clean, dump, source_id
 from gvla2.memory.store import Store
 from gvla2.memory.tables import StoredEpisode
 from gvla2.memory.transaction import Transaction
@@ -59,7 +59,6 @@ PROGRAMS = 3
 MAX_LESSONS = 16
 """Maximum number of lessons of one episode."""
 MAX_CONTENT = 2000
-MAX_SOURCE = 200
 MAX_TRANSCRIPT = 20_000
 MAX_TAUGHT = 256
 """Maximum number of record ids in a stored episode; a record names its episodes too."""
@@ -151,7 +150,7 @@ class JudgedEpisode:
         cls, lesson: Lesson, verdict: Verdict, task: MemoryTask, source: str, *, own: bool
     ) -> JudgedEpisode:
         """One lesson without an episode."""
-        episode = MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE))
+        episode = MemoryEpisode(task, (lesson,), source=source_id(source))
         return cls(episode, credible(verdict)[0], own)
 
 
@@ -159,7 +158,7 @@ def learn(bank: OpenBank, episode: MemoryEpisode, verdict: Verdict) -> Learned:
     """Store what an episode teaches, credit what was recalled, and govern the bank."""
     verdict, note = credible(verdict)
     notes = [note] if note else []
-    episode = replace(episode, source=clean(episode.source, MAX_SOURCE))
+    episode = replace(episode, source=source_id(episode.source))
     given = {*map(id, episode.lessons)}
     try:
         episode = replace(episode, lessons=tuple((bank.inducer or RulesInducer()).induce(episode, verdict)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -25,6 +26,8 @@ OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 FORGOTTEN = "forgotten"
 """The state of a tombstone: the record was forgotten, and only its id and number of changes are left."""
 SECONDS_PER_DAY = 86_400.0
+MAX_SOURCE = 200
+"""Maximum length of a source's name, characters."""
 MAX_QUERY, MAX_PHRASINGS = 1000, 8
 """Maximum length of one instruction in a record, characters, and maximum number of instructions."""
 
@@ -152,6 +155,20 @@ def clean(text: str, limit: int) -> str:
     if text.isascii() and "\x00" not in text:
         return text[:limit]
     return text[:limit].replace("\x00", "").encode("utf-8", "replace").decode("utf-8")
+
+
+def source_id(source: str) -> str:
+    """One name for a source that is written differently: evidence of one source counts once.
+
+    Characters that are not seen go, and from an address its user, the case of its host and the dot behind it.
+    """
+    seen = (c for c in unicodedata.normalize("NFKC", source) if unicodedata.category(c)[0] != "C")
+    scheme, mark, rest = clean("".join(seen).strip(), 4 * MAX_SOURCE).partition("://")
+    if not mark:
+        return scheme[:MAX_SOURCE]
+    host, *path = re.split(r"(?=[/?#])", rest, maxsplit=1)
+    host = re.sub(r"\.(?=:|$)", "", host.rpartition("@")[2].casefold())
+    return f"{scheme.casefold()}://{host}{''.join(path)}"[:MAX_SOURCE]
 
 
 def finite(numbers: Mapping[str, float]) -> dict[str, float]:

@@ -88,7 +88,7 @@ def import_jsonl(bank: OpenBank, path: Path, *, trusted: bool = False, source: s
                 continue
             own = trusted and line.get("state", "active") == "active" and line.get("trust", "own") == "own"
             judged.append(JudgedEpisode.lesson(*_lesson(line), source, own=own))
-        except (ValueError, TypeError, RecursionError) as error:
+        except (ValueError, TypeError, RecursionError, ArithmeticError) as error:
             broken.append(f"{path.name}, line {number}: {error}")
     if broken and not judged:
         raise MemoryStoreError(f"{path} is not an export of a memory: {broken[0]}.")
@@ -110,4 +110,5 @@ def _lesson(line: Mapping[str, Any]) -> tuple[Lesson, Verdict, MemoryTask]:
     quality, confidence = (float(line.get(name, 0.5)) for name in ("quality", "confidence"))
     verdict = Verdict(outcome, quality, confidence, verifier="import")
     query, skill = (str(line.get(name) or "") for name in ("query", "skill"))
+    f"{query}{skill}".encode()  # a lone surrogate, which no database takes, raises ValueError
     return lesson, verdict, MemoryTask(query, finite(dict(line.get("signature") or {})), skill)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +13,15 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.compiled import compiled
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import View
-from gvla2.perception.nearest import NearestPoints, closest_points
-from gvla2.perception.scans import TRUNCATED, KnownScan
+from gvla2.perception.nearest import NearestPoints, closest_points, explained_share
+from gvla2.perception.scans import TRUNCATED, TURNS, KnownScan
 from gvla2.planning.colours import appearance
 
 TALLER = 0.02
 """Metres by which a resting pose may differ in height from the seen surface."""
-TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
-"""(20, 3, 3) turns about the vertical that are tried for each resting pose."""
 COARSE, BACK, FINE = 60, 60, 200
 """Seen points, points of the scan's upper side, and seen points again: of a coarse start and of the refinement."""
 CHECKED = 40
@@ -52,12 +50,21 @@ looked through, and for ten units of colour. By logistic regression on the right
 """
 
 
-class Sight(NamedTuple):
+@dataclass(frozen=True)
+class Sight:
     """A camera; what it measured (H, W), metres, NaN where unknown or the robot is; and its looks (H, W, 3)."""
 
     camera: Camera
     depth: FloatArray
     image: FloatArray
+
+    @cached_property
+    def lens(self) -> FloatArray:
+        """(5, 4) for compiled loops: three rows take a point to its pixel, a fourth to its depth; the last one is where
+        the camera is, and a 1.
+        """
+        to_camera = self.camera.camera_from_world[:3]
+        return np.vstack([self.camera.K @ to_camera, to_camera[2], [*self.camera.position, 1.0]])
 
 
 Sights = Sequence[Sight]
@@ -81,22 +88,23 @@ class SeenPoints:
         return NearestPoints(self.points, TRUNCATED)
 
     @cached_property
+    def height(self) -> float:
+        """Of its highest points over the table, metres."""
+        return float(np.percentile(self.points[:, 2], 99.0)) - self.table
+
+    @cached_property
     def cut(self) -> bool:
         """Whether it reaches the edge of each picture that shows it: no camera sees all of its outline."""
         whole = []
-        for camera, depth, _ in self.sights:
+        for sight in self.sights:
+            camera = sight.camera
             uv, z = camera.project(self.points)
             index = np.flatnonzero(camera.inside(uv))
             columns, rows = np.floor(uv[index]).astype(int).T
-            here = uv[index][np.abs(depth[rows, columns] - z[index]) < NEAR]
+            here = uv[index][np.abs(sight.depth[rows, columns] - z[index]) < NEAR]
             edge = ((here < EDGE) | (here > np.array([camera.width, camera.height]) - EDGE)).any()
             whole.append(len(here) >= 0.5 * len(self.points) and not edge)
         return not any(whole)
-
-
-Sighting = tuple[FloatArray, NDArray[np.intp], NDArray[np.intp], NDArray[np.intp], FloatArray]
-"""A camera's looks (H, W, 3); the indices (K,) of points that it has, their rows and columns, and how far behind each
-the measured depth is, metres."""
 
 
 @dataclass(frozen=True)
@@ -138,17 +146,19 @@ def coarse_starts(
 
     None if no resting pose has the seen height, but for ``taller`` metres.
     """
-    top = float(np.percentile(seen.points[:, 2], 99.0)) - seen.table
-    heights = np.ptp(scan.corners @ scan.rests[:, 2].T, axis=0)
-    fits = np.abs(heights - top) <= taller
-    rests = scan.rests[fits]
-    if not len(rests):
+    turns, low, high = scan.lying
+    heights = high[:, 0, 2] - low[:, 0, 2]
+    fits = np.abs(heights - seen.height) <= taller
+    if not fits.any():
         return None
+    turns, low, high = (
+        turns[fits].reshape(-1, 3, 3),
+        low[fits].reshape(-1, 3),
+        high[fits].reshape(-1, 3),
+    )  # (P, 3)
     # What is clearly taller than a scan that stands on the table, or lower, stands a little above it, or is sunk.
-    rise = np.where(np.abs(top - heights) > NEAR, top - heights, 0.0)[fits].repeat(len(TURNS))
-    turns = (TURNS @ rests[:, None]).reshape(-1, 3, 3)  # (P, 3, 3)
-    lain = turns @ scan.corners.T  # (P, 3, H)
-    low, high = lain.min(axis=2), lain.max(axis=2)
+    off = (seen.height - heights)[fits].repeat(len(TURNS))
+    rise = np.where(np.abs(off) > NEAR, off, 0.0)
     # The scan's own outline is laid where the seen outline is; of one that pictures cut off, along each of its sides.
     seen_low, seen_high = seen.points[:, :2].min(axis=0), seen.points[:, :2].max(axis=0)
     shares = np.array([0.5]) if not seen.cut else np.array([0.0, 0.5, 1.0])
@@ -159,25 +169,21 @@ def coarse_starts(
     )
     shifts, turns = shifts.reshape(-1, 3), np.tile(turns, (len(share), 1, 1))
     spread = seen.points[:: max(1, len(seen.points) // COARSE)]
-    forth = _truncated(scan.nearest, (spread - shifts[:, None]) @ turns).mean(axis=1)
+    forth = scan.nearest.mean_distances(spread, turns, shifts, TRUNCATED)
     # The best ones are checked in reverse: does the scan's upper side lie where something is seen?
     checked = np.argsort(forth, kind="stable")[:CHECKED]
     some = slice(None, None, max(1, len(scan.points) // (2 * BACK)))
     placed = scan.points[some] @ turns[checked].transpose(0, 2, 1) + shifts[checked, None]
     upper = turns[checked, 2] @ scan.normals[some].T > 0.2
-    back = (_truncated(seen.nearest, placed) * upper).sum(axis=1) / np.maximum(upper.sum(axis=1), 1)
+    away = np.minimum(seen.nearest.query(placed)[0], TRUNCATED)
+    back = (away * upper).sum(axis=1) / np.maximum(upper.sum(axis=1), 1)
     gaps = forth[checked] + np.where(upper.any(axis=1), back, TRUNCATED)
     best = np.argsort(gaps, kind="stable")
     # A can lies as well on its lid: each resting pose has a place among the best.
-    lying = checked[best] % (len(TURNS) * len(rests)) // len(TURNS)
+    lying = checked[best] % len(low) // len(TURNS)
     among = np.array([np.count_nonzero(lying[:k] == lying[k]) for k in range(len(best))])
     best = best[np.argsort(among >= ALIKE, kind="stable")][:POSES]
     return float(gaps[best[0]]), [rigid(turns[i], shifts[i]) for i in checked[best]]
-
-
-def _truncated(nearest: NearestPoints, points: FloatArray) -> FloatArray:
-    """Distances of points (..., 3) from the nearest, at most :data:`TRUNCATED` metres."""
-    return np.minimum(nearest.query(points)[0], TRUNCATED)
 
 
 def refined(scan: KnownScan, seen: SeenPoints, pose: FloatArray, fine: int = FINE) -> FloatArray:
@@ -194,50 +200,135 @@ def refined(scan: KnownScan, seen: SeenPoints, pose: FloatArray, fine: int = FIN
     return invert_rigid(scan_from_world)
 
 
-def sightings(points: FloatArray, normals: FloatArray, seen: SeenPoints) -> Iterator[Sighting]:
-    """Of a surface's points (M, 3) with unit normals, what each camera in turn has in its picture and facing it."""
-    for camera, depths, image in seen.sights:
-        towards = camera.position - points
-        facing = np.einsum("ij,ij->i", normals, towards) > 0.25 * np.linalg.norm(towards, axis=1)
-        uv, z = camera.project(points[facing])
-        inside = camera.inside(uv)
-        columns, rows = np.floor(uv[inside]).astype(int).T
-        before = depths[rows, columns] - z[inside]  # NaN compares false: unknown says nothing
-        yield image, np.flatnonzero(facing)[inside], rows, columns, before
+def visible(
+    points: FloatArray, normals: FloatArray, pose: FloatArray, seen: SeenPoints
+) -> tuple[int, int, list[NDArray[np.int64]]]:
+    """Of the samples (M, 3) of a surface with unit normals, placed by ``pose`` (4, 4): how many the cameras show, how
+    many they looked through, and for each camera the indices, rows and columns (3, K) of those that it shows.
+    """
+    points, normals = np.ascontiguousarray(points), np.ascontiguousarray(normals)
+    shown, through, where = 0, 0, []
+    for sight in seen.sights:
+        here, beyond, found = _sighted(points, normals, pose, sight.lens, sight.depth)
+        shown, through = shown + here, through + beyond
+        where.append(found)
+    return shown, through, where
+
+
+@compiled
+def _sighted(
+    points: FloatArray,
+    normals: FloatArray,
+    pose: FloatArray,
+    lens: FloatArray,
+    depth: FloatArray,
+) -> tuple[int, int, NDArray[np.int64]]:
+    """:func:`visible` for one camera."""
+    shown, through, point = 0, 0, np.empty(3)
+    found = np.empty((3, len(points)), np.int64)
+    for n in range(len(points)):
+        for k in range(3):
+            x, y, z = points[n, 0], points[n, 1], points[n, 2]
+            point[k] = pose[k, 0] * x + pose[k, 1] * y + pose[k, 2] * z + pose[k, 3]
+        facing, away = 0.0, 0.0
+        for k in range(3):
+            towards = lens[4, k] - point[k]
+            x, y, z = normals[n, 0], normals[n, 1], normals[n, 2]
+            facing += (pose[k, 0] * x + pose[k, 1] * y + pose[k, 2] * z) * towards
+            away += towards * towards
+        if facing <= 0.25 * np.sqrt(away):
+            continue
+        u, v, ahead = _pixel(lens, point[0], point[1], point[2])
+        if not (0.0 <= u < depth.shape[1] and 0.0 <= v < depth.shape[0]):
+            continue
+        before = depth[int(v), int(u)] - ahead  # NaN compares false: unknown says nothing
+        if abs(before) < NEAR:
+            found[0, shown], found[1, shown], found[2, shown] = n, int(v), int(u)
+            shown += 1
+        elif before > GAP:
+            through += 1
+    return shown, through, found[:, :shown].copy()
+
+
+@compiled
+def _pixel(lens: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Where a :attr:`Sight.lens` has a point, in pixels (NaN behind the camera), and the point's depth, metres."""
+    u = lens[0, 0] * x + lens[0, 1] * y + lens[0, 2] * z + lens[0, 3]
+    v = lens[1, 0] * x + lens[1, 1] * y + lens[1, 2] * z + lens[1, 3]
+    w = lens[2, 0] * x + lens[2, 1] * y + lens[2, 2] * z + lens[2, 3]
+    ahead = lens[3, 0] * x + lens[3, 1] * y + lens[3, 2] * z + lens[3, 3]
+    return (u / w, v / w, ahead) if ahead > 0.0 else (np.nan, np.nan, ahead)
+
+
+@compiled
+def mark_free(
+    state: NDArray[np.float32],
+    low: FloatArray,
+    cell: float,
+    lens: FloatArray,
+    depth: FloatArray,
+    behind: float,
+) -> None:
+    """Set those of the cells (H, R, C) from ``low`` (3,) on to -1 where a camera measured something more than
+    ``behind`` metres behind their middles.
+    """
+    levels, rows, columns = state.shape
+    for level in range(levels):
+        z = low[2] + cell * (level + 0.5)
+        for row in range(rows):
+            x = low[0] + cell * (row + 0.5)
+            for column in range(columns):
+                u, v, ahead = _pixel(lens, x, low[1] + cell * (column + 0.5), z)
+                inside = 0.0 <= u < depth.shape[1] and 0.0 <= v < depth.shape[0]
+                if inside and depth[int(v), int(u)] > ahead + behind:
+                    state[level, row, column] = -1.0
 
 
 def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
     """How well a placed scan explains what all cameras measured."""
-    points = seen.points[:: max(1, len(seen.points) // 700)]
-    local = transform_points(invert_rigid(pose), points)
-    gaps, nearest = scan.nearest.query(local)
-    # Samples lie some millimetres apart: the distance to the plane at the nearest is that to the surface.
-    flat = np.abs(np.einsum("ij,ij->i", local - scan.points[nearest], scan.normals[nearest]))
-    off = np.where(gaps < 0.01, np.maximum(flat, gaps - 0.004), gaps)
-    shown, through, differences = 0, 0, []
+    points, nearest = seen.points[:: max(1, len(seen.points) // 700)], scan.nearest
+    local = np.ascontiguousarray(transform_points(invert_rigid(pose), points))
+    gap, residual, explained = explained_share(
+        local, scan.points, scan.normals, nearest.table, nearest.low, nearest.cell, TRUNCATED
+    )
     some = slice(None, None, max(2, len(scan.points) // JUDGED))
-    placed, turned = transform_points(pose, scan.points[some]), scan.normals[some] @ pose[:3, :3].T
-    looks = scan.looks[some]
-    for image, index, rows, columns, before in sightings(placed, turned, seen):
-        here = np.abs(before) < NEAR
-        shown += int(here.sum())
-        through += int((before > GAP).sum())
-        if here.sum() >= 5:
-            difference = image[rows[here], columns[here]] - looks[index[here]]
-            difference[:, 2] -= np.median(difference[:, 2])  # each camera's exposure may be another
-            differences.append(np.linalg.norm(difference, axis=1))
-    colour = float(np.minimum(np.concatenate(differences), 60.0).mean()) if differences else 100.0
-    sunk = float((placed[:, 2] < seen.table - NEAR).mean())  # nothing reaches into the table
+    samples, looks = scan.points[some], np.ascontiguousarray(scan.looks[some])
+    shown, through, where = visible(samples, scan.normals[some], pose, seen)
+    off, compared = 0.0, 0
+    for sight, found in zip(seen.sights, where, strict=True):
+        if found.shape[1] >= 5:
+            off += _unlike(sight.image, looks, found)
+            compared += found.shape[1]
+    heights = samples @ pose[2, :3] + pose[2, 3]
+    sunk = np.count_nonzero(heights < seen.table - NEAR) / len(samples)  # nothing reaches into the table
     return Fit(
         scan,
         pose,
-        gap=float(np.minimum(off, TRUNCATED).mean()),
-        residual=float(np.median(off)),
-        explained=float((off < 0.006).mean()),
-        support=float((off < 0.006).mean()) * len(seen.points),
+        gap=gap,
+        residual=residual,
+        explained=explained,
+        support=explained * len(seen.points),
         through=through / max(1, through + shown) + sunk,
-        colour=colour,
+        colour=off / compared if compared else 100.0,
     )
+
+
+@compiled
+def _unlike(image: FloatArray, looks: FloatArray, found: NDArray[np.int64]) -> float:
+    """Sum of the differences, each at most 60, between a picture's looks (H, W, 3) and those of the samples (M, 3) that
+    it shows, ``found`` (3, K) as in :func:`visible`; each camera's exposure may be another.
+    """
+    count, total = found.shape[1], 0.0
+    brighter = np.empty(count)
+    for k in range(count):
+        brighter[k] = image[found[1, k], found[2, k], 2] - looks[found[0, k], 2]
+    exposure = np.median(brighter)
+    for k in range(count):
+        square = (brighter[k] - exposure) ** 2
+        for c in range(2):
+            square += (image[found[1, k], found[2, k], c] - looks[found[0, k], c]) ** 2
+        total += min(np.sqrt(square), 60.0)
+    return total
 
 
 def turned(fit: Fit, seen: SeenPoints) -> Fit:
@@ -247,12 +338,10 @@ def turned(fit: Fit, seen: SeenPoints) -> Fit:
     """
     middle = fit.world_from_scan[:3, 3]
     around = rigid(None, middle) @ np.stack([rigid(turn) for turn in TURNS[1:]]) @ rigid(None, -middle)
-    found = [fit]
-    for motion in around:
-        pose = motion @ fit.world_from_scan
-        points = transform_points(invert_rigid(pose), seen.points[:: max(1, len(seen.points) // FINE)])
-        if _truncated(fit.scan.nearest, points).mean() < fit.gap + AS_WELL:
-            found.append(judged(fit.scan, seen, pose))
+    poses = around @ fit.world_from_scan
+    some = seen.points[:: max(1, len(seen.points) // FINE)]
+    gaps = fit.scan.nearest.mean_distances(some, poses[:, :3, :3], poses[:, :3, 3], TRUNCATED)
+    found = [fit, *(judged(fit.scan, seen, pose) for pose in poses[gaps < fit.gap + AS_WELL])]
     return max(found, key=lambda one: one.odds)
 
 
@@ -294,12 +383,12 @@ def seen_surface(points: FloatArray, sights: Sights, table: float) -> SeenPoints
     """The seen surface of one object, its looks from the views."""
     points = without_strays(points)
     looks = np.full(points.shape, np.nan)
-    for camera, depth, image in sights:
-        uv, z = camera.project(points)
-        index = np.flatnonzero(camera.inside(uv))
+    for sight in sights:
+        uv, z = sight.camera.project(points)
+        index = np.flatnonzero(sight.camera.inside(uv))
         columns, rows = np.floor(uv[index]).astype(int).T
-        own = np.abs(depth[rows, columns] - z[index]) < NEAR
-        looks[index[own]] = image[rows[own], columns[own]]
+        own = np.abs(sight.depth[rows, columns] - z[index]) < NEAR
+        looks[index[own]] = sight.image[rows[own], columns[own]]
     return SeenPoints(points, looks, sights, table)
 
 

@@ -13,18 +13,17 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.spatial.transform import Rotation
 
+from gvla2.geometry.compiled import compiled
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.perception.articulated import MovingPart
 from gvla2.perception.fitting import (
-    GAP,
-    NEAR,
     Fit,
     SeenPoints,
     Sights,
     judged,
+    mark_free,
     refined,
-    seen_surface,
-    sightings,
+    visible,
 )
 from gvla2.perception.scans import KnownScan
 from gvla2.planning.scene import PartJoint
@@ -85,10 +84,8 @@ def likely_places(scan: KnownScan, grid: SeenGrid, table: float) -> list[FloatAr
     floor = float(scan.points[:, 2].min())
     found: list[tuple[float, float, FloatArray]] = []
     for yaw in 2 * np.pi * np.arange(YAWS) / YAWS:
-        turn = Rotation.from_euler("z", yaw).as_matrix()
-        placed = scan.points @ turn.T - [0.0, 0.0, floor]
-        counts = _correlated(grid, placed[placed[:, 2] > ABOVE])  # (H, R, C)
-        for at in np.argsort(counts, axis=None)[: -PLACES - 1 : -1]:
+        counts = _correlated(grid, scan.points, float(yaw), floor)  # (H, R, C)
+        for at in np.argpartition(counts, -PLACES, axis=None)[-PLACES:]:
             rise, row, column = np.unravel_index(at, counts.shape)
             height = table - floor + CELL * LEVELS[rise]
             spot = np.array([*(grid.low[:2] + CELL * np.array([row, column])), height])
@@ -120,15 +117,9 @@ def seen_grid(points: FloatArray, sights: Sights, table: float) -> SeenGrid | No
         int(fft.next_fast_len(int(n), real=True)) for n in cells[:, :2].max(axis=0) + MARGIN / CELL + 1
     )
     size = (int(cells[:, 2].max()) + 2, rows, columns)
-    height, row, column = np.indices(size)
-    middles = low + CELL * (np.stack([row, column, height], axis=-1).reshape(-1, 3) + 0.5)
-    free = np.zeros(len(middles), dtype=bool)
-    for camera, depths, _ in sights:
-        uv, depth = camera.project(middles)
-        inside = camera.inside(uv)
-        across, down = np.floor(uv[inside]).astype(int).T
-        free[inside] |= depths[down, across] > depth[inside] + BEHIND
-    state = np.where(free, -1.0, 0.0).astype(np.float32).reshape(size)
+    state = np.zeros(size, dtype=np.float32)
+    for sight in sights:
+        mark_free(state, low, CELL, sight.lens, sight.depth, BEHIND)
     state[cells[:, 2], cells[:, 0], cells[:, 1]] = 1.0
     return SeenGrid(spread(points), low, (rows, columns), fft.rfft2(state))
 
@@ -141,20 +132,47 @@ def spread(points: FloatArray) -> FloatArray:
     ]
 
 
-def _correlated(grid: SeenGrid, placed: FloatArray) -> NDArray[np.float32]:
-    """(H, R, C) sum of the cells that a surface (M, 3) about the origin meets when it is moved to each cell, at
-    each of :data:`LEVELS`.
+def _correlated(grid: SeenGrid, points: FloatArray, yaw: float, floor: float) -> NDArray[np.float32]:
+    """(H, R, C) sum of the cells that a surface's points (M, 3), turned by ``yaw`` radians, meet when their origin is
+    moved to each cell and their lowest, at ``floor`` metres, to each of :data:`LEVELS`.
     """
-    cells = np.floor(placed / CELL).astype(int)
-    cells = cells[cells[:, 2] < len(grid.seen)]
-    surface = np.zeros((len(grid.seen), *grid.size), dtype=np.float32)
-    surface[cells[:, 2], cells[:, 0] % grid.size[0], cells[:, 1] % grid.size[1]] = 1.0
-    turned, seen = fft.rfft2(surface).conj(), grid.seen
-    products = [
-        (seen[max(0, k) :][: len(seen) - abs(k)] * turned[max(0, -k) :][: len(seen) - abs(k)]).sum(axis=0)
-        for k in LEVELS
-    ]
-    return np.asarray(fft.irfft2(np.stack(products), s=grid.size))
+    height = min(len(grid.seen), int((points[:, 2].max() - floor) / CELL) + 1)
+    surface = np.zeros((height, *grid.size), dtype=np.float32)
+    _fill(surface, points, np.cos(yaw), np.sin(yaw), floor)
+    turned = fft.rfft2(surface, overwrite_x=True)
+    products = np.zeros((len(LEVELS), *turned.shape[1:]), dtype=np.complex64)
+    for rise, product in zip(LEVELS, products, strict=True):
+        _add_products(grid.seen, turned, rise, product)
+    return np.asarray(fft.irfft2(products, s=grid.size, overwrite_x=True))
+
+
+@compiled
+def _fill(surface: NDArray[np.float32], points: FloatArray, cos: float, sin: float, floor: float) -> None:
+    """Set the cells (H, R, C) that turned points (M, 3) above the table meet, those before the origin from behind."""
+    height, rows, columns = surface.shape
+    for n in range(len(points)):
+        up = points[n, 2] - floor
+        level = int(up / CELL)
+        if up > ABOVE and level < height:
+            row = int(np.floor((cos * points[n, 0] - sin * points[n, 1]) / CELL))
+            column = int(np.floor((sin * points[n, 0] + cos * points[n, 1]) / CELL))
+            surface[level, row % rows, column % columns] = 1.0
+
+
+@compiled
+def _add_products(
+    seen: NDArray[np.complex64], turned: NDArray[np.complex64], rise: int, product: NDArray[np.complex64]
+) -> None:
+    """Add to ``product`` (R, C) the correlation, over heights, of transforms (H, R, C) and (H', R, C), the second one
+    raised by ``rise`` cells.
+    """
+    _, rows, columns = seen.shape
+    for level in range(max(0, rise), min(len(seen), len(turned) + rise)):
+        for row in range(rows):
+            for column in range(columns):
+                product[row, column] += (
+                    seen[level, row, column] * turned[level - rise, row, column].conjugate()
+                )
 
 
 def upright(pose: FloatArray) -> FloatArray:
@@ -191,22 +209,21 @@ def opened(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> KnownScan:
     for number, link in enumerate(scan.links):
         own = np.flatnonzero(scan.owners == number)
         own = own[:: max(1, len(own) // OPENED)]
-        points, normals = transform_points(pose, scan.points[own]), scan.normals[own] @ pose[:3, :3].T
-        joint, step = in_world(link.joint, pose), link.joint.reach / (STEPS - 1)
+        step = link.joint.reach / (STEPS - 1)
 
         def score(
             position: float,
-            points: FloatArray = points,
-            normals: FloatArray = normals,
-            joint: PartJoint = joint,
+            points: FloatArray = scan.points[own],
+            normals: FloatArray = scan.normals[own],
+            joint: PartJoint = link.joint,
         ) -> float:
-            motion = motion_of(joint, position - joint.position)
-            shown, through = visible(transform_points(motion, points), normals @ motion[:3, :3].T, seen)
+            moved = pose @ motion_of(joint, position - joint.position)
+            shown, through, _ = visible(points, normals, moved, seen)
             return shown - LOOKED_THROUGH * through
 
         best = max(np.linspace(0.0, link.joint.reach, STEPS), key=score)
         best = max(np.linspace(max(0.0, best - step), min(link.joint.reach, best + step), STEPS), key=score)
-        if score(float(best)) > score(0.0) + OPEN_BY * len(points):
+        if best != link.joint.position and score(float(best)) > score(0.0) + OPEN_BY * len(own):
             scan = moved_scan(scan, number, float(best))
     return scan
 
@@ -214,15 +231,6 @@ def opened(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> KnownScan:
 def in_world(joint: PartJoint, pose: FloatArray) -> PartJoint:
     """A scan's joint in the world, the scan placed by ``pose`` (4, 4)."""
     return replace(joint, axis=pose[:3, :3] @ joint.axis, origin=transform_points(pose, joint.origin))
-
-
-def visible(points: FloatArray, normals: FloatArray, seen: SeenPoints) -> tuple[int, int]:
-    """How many of a surface's points (M, 3) with unit normals the cameras show, and how many they looked through."""
-    shown = through = 0
-    for *_, before in sightings(points, normals, seen):
-        shown += int((np.abs(before) < NEAR).sum())
-        through += int((before > GAP).sum())
-    return shown, through
 
 
 def moving_parts(scan: KnownScan, pose: FloatArray) -> list[MovingPart]:
@@ -282,19 +290,21 @@ def _starts(
     some = slice(None, None, max(1, len(scan.points) // ROUGH))
     sides, turns = CELL * np.linspace(-1.0, 1.0, 5), (2 * np.pi / YAWS) * np.linspace(-0.5, 0.5, 5)
     shifts = np.stack(np.meshgrid(sides, sides, sides[1:-1]), axis=-1).reshape(-1, 3)
-    found: list[tuple[float, FloatArray]] = []
-    for turn in turns:
-        turned = Rotation.from_euler("z", turn).as_matrix() @ pose[:3, :3]
-        local = (near - pose[:3, 3] - shifts[:, None]) @ turned
-        gaps = np.minimum(scan.nearest.query(local)[0], NEARBY).mean(axis=1)
-        found += [(float(gaps[k]), rigid(turned, pose[:3, 3] + shifts[k])) for k in np.argsort(gaps)[:BEST]]
-    seen = seen_surface(near, sights, table - SUNK)
+    turned = Rotation.from_euler("z", turns[:, None]).as_matrix() @ pose[:3, :3]
+    turned, shifts = turned.repeat(len(shifts), axis=0), np.tile(pose[:3, 3] + shifts, (len(turns), 1))
+    gaps = scan.nearest.mean_distances(near, turned, shifts, NEARBY)
+    seen = _seen(near, sights, table)
     tried = []
-    for gap, start in sorted(found, key=lambda each: each[0])[:BEST]:
-        placed, normals = transform_points(start, scan.points[some]), scan.normals[some] @ start[:3, :3].T
-        shown, through = visible(placed, normals, seen)
-        tried.append((gap + NEARBY * through / max(1, shown + through), start))
+    for k in np.argsort(gaps, kind="stable")[:BEST]:
+        start = rigid(turned[k], shifts[k])
+        shown, through, _ = visible(scan.points[some], scan.normals[some], start, seen)
+        tried.append((float(gaps[k]) + NEARBY * through / max(1, shown + through), start))
     return sorted(tried, key=lambda each: each[0])[:KEPT]
+
+
+def _seen(points: FloatArray, sights: Sights, table: float) -> SeenPoints:
+    """The seen points (N, 3) near a place; their looks are not asked for."""
+    return SeenPoints(points, np.full(points.shape, np.nan), sights, table - SUNK)
 
 
 def _laid(
@@ -312,7 +322,7 @@ def _laid(
     near = points[scan.nearest.query(transform_points(invert_rigid(pose), points))[0] < NEARBY]
     if len(near) < FEW:
         return None
-    seen = seen_surface(near, sights, table - SUNK)
+    seen = _seen(near, sights, table)
     pose = upright(refined(scan, seen, pose, fine=FINE))
     if joints:
         scan = opened(scan, seen, pose)

@@ -1,4 +1,8 @@
-"""The nearest of some points by a table of cells, and iterated closest points with it: far faster than with a tree."""
+"""The nearest of some points by a table of cells, and iterated closest points with it: far faster than with a tree.
+
+A look at a scene asks for some millions of them: the loops are compiled. A compiled function calls only those of its
+own file, and gets other files' constants as arguments: what is kept on disk is renewed by its own file's changes alone.
+"""
 
 from __future__ import annotations
 
@@ -33,13 +37,101 @@ class NearestPoints:
 
     def query(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.int32]]:
         """Distances (...,) of points (..., 3) from the nearest, metres, and its index (...,)."""
-        index = self.table[self._places(points, np.array(self.table.shape))]
-        away = points - self._points[index]
-        return np.sqrt(np.einsum("...i,...i->...", away, away)), index
+        flat = np.ascontiguousarray(points).reshape(-1, 3)
+        index, away = np.empty(len(flat), np.int32), np.empty(len(flat))
+        _look_up(flat, self._points, self.table, self.low, self.cell, index, away)
+        return away.reshape(points.shape[:-1]), index.reshape(points.shape[:-1])
+
+    def mean_distances(
+        self, points: FloatArray, turns: FloatArray, shifts: FloatArray, limit: float
+    ) -> FloatArray:
+        """(P,) mean distances, each at most ``limit`` metres, of points (N, 3) from the set, turned by ``turns``
+        (P, 3, 3) and then moved by ``shifts`` (P, 3).
+        """
+        points, turns = np.ascontiguousarray(points), np.ascontiguousarray(turns)
+        shifts, means = np.ascontiguousarray(shifts), np.empty(len(turns))
+        _mean_distances(points, turns, shifts, self._points, self.table, self.low, self.cell, limit, means)
+        return means
 
     def _places(self, points: FloatArray, size: NDArray[np.int_]) -> tuple[NDArray[np.intp], ...]:
         cells = np.clip(((points - self.low) / self.cell).astype(np.intp), 0, size - 1)
         return cells[..., 0], cells[..., 1], cells[..., 2]
+
+
+@compiled
+def _nearest_index(point: FloatArray, table: NDArray[np.int32], low: FloatArray, cell: float) -> int:
+    """Index of the nearest of the points in a table of cells; see :class:`NearestPoints`."""
+    x = min(max(int((point[0] - low[0]) / cell), 0), table.shape[0] - 1)
+    y = min(max(int((point[1] - low[1]) / cell), 0), table.shape[1] - 1)
+    z = min(max(int((point[2] - low[2]) / cell), 0), table.shape[2] - 1)
+    return int(table[x, y, z])
+
+
+@compiled
+def _look_up(
+    points: FloatArray,
+    targets: FloatArray,
+    table: NDArray[np.int32],
+    low: FloatArray,
+    cell: float,
+    index: NDArray[np.int32],
+    away: FloatArray,
+) -> None:
+    for n in range(len(points)):
+        index[n] = _nearest_index(points[n], table, low, cell)
+        away[n] = _distance(points[n], targets[index[n]])
+
+
+@compiled
+def _mean_distances(
+    points: FloatArray,
+    turns: FloatArray,
+    shifts: FloatArray,
+    targets: FloatArray,
+    table: NDArray[np.int32],
+    low: FloatArray,
+    cell: float,
+    limit: float,
+    means: FloatArray,
+) -> None:
+    local = np.empty(3)
+    for p in range(len(turns)):
+        total = 0.0
+        for n in range(len(points)):
+            x, y, z = points[n, 0] - shifts[p, 0], points[n, 1] - shifts[p, 1], points[n, 2] - shifts[p, 2]
+            for k in range(3):
+                local[k] = x * turns[p, 0, k] + y * turns[p, 1, k] + z * turns[p, 2, k]
+            total += min(limit, _distance(local, targets[_nearest_index(local, table, low, cell)]))
+        means[p] = total / len(points)
+
+
+@compiled
+def explained_share(
+    points: FloatArray,
+    samples: FloatArray,
+    normals: FloatArray,
+    table: NDArray[np.int32],
+    low: FloatArray,
+    cell: float,
+    limit: float,
+) -> tuple[float, float, float]:
+    """Of points (N, 3), the mean distance, each at most ``limit``, and the median one, metres, from the surface of
+    which these are samples, and the share that lies on it.
+    """
+    off, total, on_it = np.empty(len(points)), 0.0, 0
+    for n in range(len(points)):
+        near = _nearest_index(points[n], table, low, cell)
+        off[n] = _distance(points[n], samples[near])
+        if off[n] < 0.01:
+            # Samples lie some millimetres apart: the distance to the plane at the nearest is that to the surface.
+            flat = 0.0
+            for k in range(3):
+                flat += (points[n, k] - samples[near, k]) * normals[near, k]
+            off[n] = max(abs(flat), off[n] - 0.004)
+        total += min(off[n], limit)
+        if off[n] < 0.006:
+            on_it += 1
+    return total / len(points), float(np.median(off)), on_it / len(points)
 
 
 @compiled
@@ -63,10 +155,7 @@ def closest_points(
     off, row, centre, step = np.empty(3), np.empty(6), np.empty(3), np.empty(6)
     for _ in range(rounds):
         for n in range(count):
-            x = min(max(int((points[n, 0] - low[0]) / cell), 0), table.shape[0] - 1)
-            y = min(max(int((points[n, 1] - low[1]) / cell), 0), table.shape[1] - 1)
-            z = min(max(int((points[n, 2] - low[2]) / cell), 0), table.shape[2] - 1)
-            index[n] = table[x, y, z]
+            index[n] = _nearest_index(points[n], table, low, cell)
             gaps[n] = _distance(points[n], targets[index[n]])
         limit = max(min(reach, np.sort(gaps)[int(0.8 * (count - 1))]), 0.002)
         used, size = 0, 1e-6
@@ -111,6 +200,7 @@ def closest_points(
 
 @compiled
 def _distance(one: FloatArray, other: FloatArray) -> float:
+    """Between two points (3,)."""
     return float(np.sqrt((one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2))
 
 

@@ -14,6 +14,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.articulated_files import read_articulated
@@ -34,6 +35,8 @@ MOST_RESTS, LIKELY = 14, 0.99
 """Most resting poses tried, and the share of the total probability that they cover."""
 TRUNCATED = 0.02
 """Metres at which a point's distance from a scan is truncated."""
+TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
+"""(20, 3, 3) turns about the vertical that are tried for each resting pose."""
 VERSION = 8
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
 """Stems that do not name an object: its folder does. Of several in a folder the first one here counts."""
@@ -93,6 +96,15 @@ class KnownScan:
     def nearest(self) -> NearestPoints:
         """The nearest of its points."""
         return NearestPoints(self.points, TRUNCATED)
+
+    @cached_property
+    def lying(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The resting poses at each of :data:`TURNS` (K, 20, 3, 3), and the least and the greatest coordinates of the
+        scan so turned (K, 20, 3), metres.
+        """
+        turns = TURNS @ self.rests[:, None]
+        lain = turns @ self.corners.T
+        return turns, lain.min(axis=-1), lain.max(axis=-1)
 
 
 def corners_of(points: FloatArray) -> FloatArray:

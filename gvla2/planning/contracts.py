@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from gvla2.geometry.transform import FloatArray
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, invert_rigid
 from gvla2.geometry.views import Observation
 from gvla2.planning.arm import Arm
 from gvla2.planning.effects import Effect
@@ -14,10 +16,11 @@ from gvla2.planning.plan import Abstention, AbstentionKind, Candidate, Plan, Ref
 from gvla2.planning.programs import Program
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.skill import Skill
+from gvla2.planning.trajectory import Trajectory
 
 __all__ = [
     "Abstention", "AbstentionKind", "Advice", "Candidate", "Done", "Perceiver", "Plan", "PlanRequest", "Planner",
-    "RefusedError",
+    "RefusedError", "Tried",
 ]  # fmt: skip
 
 
@@ -55,17 +58,50 @@ class Done:
 
 
 @dataclass(frozen=True)
+class Tried:
+    """A grasp of a failed attempt: the tool's poses (4, 4) where the hand closed and where it opened again, both moved
+    with the objects to where these are now. ``release`` is None if the object was lost on the way: then no place makes
+    the grasp better.
+    """
+
+    grasp: FloatArray
+    release: FloatArray | None = None
+
+    def repeated(self, poses: Sequence[FloatArray], trajectory: Trajectory) -> bool:
+        """Whether a trajectory, whose waypoints have these tool poses (4, 4), does nearly the same."""
+        close, opens = trajectory.grips()
+        if close is None or not _alike(self.grasp, poses[close]):
+            return False
+        return self.release is None or (opens is not None and _alike(self.release, poses[opens]))
+
+
+ACROSS, ALONG, TURNED = 0.01, 0.004, np.radians(15.0)
+"""Grasps are alike within these distances across and along the approach, metres, and this angle, radians: a look errs
+by less, and a grasp deeper by more is the remedy for a slip."""
+
+
+def _alike(one: FloatArray, other: FloatArray) -> bool:
+    """Whether two tool poses (4, 4) are nearly the same grasp, its two fingers being equal."""
+    between = invert_rigid(one) @ other
+    away = between[:3, 3]
+    turned = min(abs(between[1, 1]), between[2, 2])  # of the closing direction and of the approach
+    near = float(np.hypot(away[0], away[1])) < ACROSS and abs(float(away[2])) < ALONG
+    return near and bool(turned > np.cos(TURNED))
+
+
+@dataclass(frozen=True)
 class Advice:
     """Memory's advice to a planner: a bounded text block, typed effects and programs; all may be empty.
 
-    ``programs`` succeeded in similar episodes, best first (see :mod:`gvla2.planning.programs`). ``done`` is of this
-    episode's own attempts.
+    ``programs`` succeeded in similar episodes, best first (see :mod:`gvla2.planning.programs`). ``done`` and ``tried``
+    are of this episode's own failed attempts.
     """
 
     text: str = ""
     effects: tuple[Effect, ...] = ()
     programs: tuple[Program, ...] = ()
     done: tuple[Done, ...] = ()
+    tried: tuple[Tried, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -122,6 +122,12 @@ class SceneObject:
     known: KnownShape | None = None
     joint: PartJoint | None = None
 
+    def moved(self, by: FloatArray) -> SceneObject:
+        """The object with its points and its scan after a rigid motion (4, 4) in the world."""
+        known = self.known and replace(self.known, world_from_scan=by @ self.known.world_from_scan)
+        pose, points = by @ self.world_from_object, transform_points(by, self.points)
+        return replace(self, world_from_object=pose, points=points, known=known)
+
     @property
     def centre(self) -> FloatArray:
         """(3,) centre of the oriented box, metres; the caller's own copy."""

@@ -180,6 +180,25 @@ class Trajectory:
         straight = takewhile(lambda waypoint: waypoint.motion == "linear", following)
         return poses[index + 1 : index + 1 + len(list(straight))]
 
+    def grips(self) -> tuple[int | None, int | None]:
+        """Indices of the waypoints where the hand closes on the first object that it carries, and where it lets go of
+        it; None where it does not.
+        """
+        carried = [k for k, waypoint in enumerate(self.waypoints) if waypoint.carries]
+        if not carried or carried[0] == 0:
+            return None, None
+        first = self.waypoints[carried[0]].carries
+        last = max(k for k in carried if self.waypoints[k].carries == first)
+        return carried[0] - 1, last if self.waypoints[last].gripper > self.waypoints[
+            last - 1
+        ].gripper else None
+
+    def seconds(self, start: FloatArray) -> FloatArray:
+        """(N,) time at each waypoint's speed along straight lines from the tool's position ``start`` (3,)."""
+        points = np.array([start, *(w.xyz for w in self.waypoints)], dtype=np.float64)
+        speeds = np.array([w.speed for w in self.waypoints])
+        return np.asarray(np.linalg.norm(np.diff(points, axis=0), axis=1) / speeds)
+
     def xyzg(self) -> FloatArray:
         """(N, 4) the paper's view: x, y, z in metres and the gripper state."""
         return np.array([[*w.xyz, w.gripper] for w in self.waypoints], dtype=np.float64)

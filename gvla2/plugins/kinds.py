@@ -100,7 +100,17 @@ OWN_TASK = "/"
 
 TAKEN = frozenset(
     {
-        *("hydra", "instruction", "branch", "seed", "episodes", "quiet", "replan", "planner_timeout"),
+        *(
+            "hydra",
+            "instruction",
+            "branch",
+            "seed",
+            "episodes",
+            "quiet",
+            "second_tries",
+            "replan",
+            "planner_timeout",
+        ),
         *("depth_noise", "results"),
     }
 )

@@ -273,7 +273,8 @@ def _agreeing(shown: tuple[Silhouette, ...]) -> tuple[tuple[Silhouette, ...], li
         if len(used) == 2:
             raise GeometryError(
                 f"The views {names} contradict each other or look the same way: nothing bounded lies in both "
-                "silhouettes. Check the cameras' poses and that the masks show the same object."
+                "silhouettes. Check that the masks show the same object, and the cameras' poses: are they inverted, "
+                "or of another convention?"
             )
         without = [used[:i] + used[i + 1 :] for i in range(len(used))]
         scores = [_coarse_agreement(rest) for rest in without]

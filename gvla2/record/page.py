@@ -6,6 +6,7 @@ import base64
 import hashlib
 import io
 import math
+import os
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -20,6 +21,7 @@ from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_json, write_text
 from gvla2.record import wording
 from gvla2.record.drawing import css_colour, marker_colour
+from gvla2.record.origin import Origin
 from gvla2.record.pictures import CLOSED_COLOUR, OPEN_COLOUR, Pictures
 from gvla2.record.text import count, listing, one_line
 from gvla2.record.transcript import turns_of
@@ -33,6 +35,7 @@ def render_page(
     config_yaml: str = "",
     command: str = "run",
     beside: Sequence[str] = (),
+    origin: Origin | None = None,
 ) -> str:
     """The page of one episode as HTML text, also for a record whose later stages are None.
 
@@ -46,6 +49,7 @@ def render_page(
         command=command,
         config_yaml=config_yaml,
         beside=beside,
+        origin=origin or Origin(),
         finding=lambda stage: wording.finding(record, stage),
     )
 
@@ -98,10 +102,15 @@ def templates() -> Environment:
 
 
 def _bytecode_cache() -> FileSystemBytecodeCache | None:
-    """Compiled templates in the user's cache; None, so that they are compiled anew, where there is no place."""
+    """Compiled templates in the user's cache; None, so that they are compiled anew, where there is no place
+    that only this user can write to.
+    """
     folder = cache_folder() / "templates"
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if folder.stat().st_uid != os.geteuid():  # it holds code
+            return None
+        folder.chmod(0o700)
     except OSError:
         return None
     return FileSystemBytecodeCache(str(folder))

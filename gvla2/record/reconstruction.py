@@ -15,12 +15,13 @@ from scipy.spatial import cKDTree
 from gvla2.geometry.gaussians import write_gaussians
 from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.views import Views
-from gvla2.io.files import write_json, write_text
+from gvla2.io.files import plain, write_json, write_text
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.reconstruction.view_set import points_of
 from gvla2.record import reconstruction_measures
+from gvla2.record.origin import Origin
 from gvla2.record.page import render
 from gvla2.record.reconstruction_measures import (
     Measures,
@@ -222,7 +223,8 @@ class ReconstructionRecorder(FolderRecorder):
 
     def numbers(self, record: ReconstructionRecord) -> None:
         """``result.json``."""
-        write_json(self.folder / RESULT, self._noted(record).summary())
+        summary = {**self._noted(record).summary(), "origin": plain(self.origin)}
+        write_json(self.folder / RESULT, summary)
 
     def pictures(self, record: ReconstructionRecord) -> tuple[ViewPictures, ...]:
         """The pictures of the views; none where they cannot be made, or nothing was measured."""
@@ -234,7 +236,7 @@ class ReconstructionRecorder(FolderRecorder):
     def page(self, record: ReconstructionRecord, pictures: Sequence[ViewPictures]) -> Path:
         """``index.html``; returns its path. ``result.json`` is rewritten with the notes on pictures."""
         path = self.folder / PAGE
-        page = render_reconstruction(self._noted(record), pictures, self.config, self.there())
+        page = render_reconstruction(self._noted(record), pictures, self.config, self.there(), self.origin)
         write_text(path, page)
         self.numbers(record)
         return path
@@ -248,12 +250,14 @@ def render_reconstruction(
     pictures: Sequence[ViewPictures] = (),
     config_yaml: str = "",
     beside: Sequence[str] = (),
+    origin: Origin | None = None,
 ) -> str:
     """The page as HTML text, also without measures and without pictures.
 
     ``beside`` are names of files beside the page.
     """
     known = {"record": record, "pictures": pictures, "config_yaml": config_yaml, "beside": beside}
+    known["origin"] = origin or Origin()
     words = SimpleNamespace(
         STATES=STATES, compared=compared, headline=headline, unusual_options=unusual_options
     )

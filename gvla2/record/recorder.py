@@ -25,6 +25,7 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import contact_sheet_of
 from gvla2.record.motion import FILM, STATES, Motion
+from gvla2.record.origin import Origin
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
 from gvla2.record.scene_model import scene_glb
@@ -39,15 +40,15 @@ T = TypeVar("T")
 class FolderRecorder:
     """The folder of a run: ``config.yaml`` immediately, and ``notes`` on what could not be made.
 
-    ``config`` is the composed configuration as text. Of an earlier run in the folder the files named in ``WRITTEN`` are
-    removed: what this run does not get to must not look like its own. Raises :class:`~gvla2.errors.OutputError` if the
-    folder cannot be written to.
+    ``config`` is the composed configuration as text, ``origin`` how it was asked for. Of an earlier run in the folder
+    the files named in ``WRITTEN`` are removed: what this run does not get to must not look like its own. Raises
+    :class:`~gvla2.errors.OutputError` if the folder cannot be written to.
     """
 
     WRITTEN: Collection[str] = ()
 
-    def __init__(self, folder: Path, config: str) -> None:
-        self.folder, self.config = make_folder(folder), config
+    def __init__(self, folder: Path, config: str, origin: Origin | None = None) -> None:
+        self.folder, self.config, self.origin = make_folder(folder), config, origin or Origin()
         self.notes: list[str] = []
         try:
             for name in self.WRITTEN:
@@ -136,7 +137,7 @@ STAGE_FILES: Mapping[str, Callable[[EpisodeRecord], Any]] = {
 class RunRecorder(FolderRecorder):
     """The folder of one episode: ``config.yaml`` first, then each stage's output, the page at the end.
 
-    ``config_yaml`` is the composed configuration as text. Numbers come first: ``result.json`` and the stages' JSON
+    Numbers come first: ``result.json`` and the stages' JSON
     files are written before any picture, and a picture that cannot be made becomes a note and a warning, never an
     error. Pictures are made beside the run, on another core; :meth:`finish` waits for them.
     Raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
@@ -149,8 +150,10 @@ class RunRecorder(FolderRecorder):
         *(f"{VIEWS}/{CAMERAS}", "scene.glb", FILM, STATES, "index.html"),
     )
 
-    def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
-        super().__init__(folder, config_yaml)
+    def __init__(
+        self, folder: Path, config_yaml: str, command: str = "run", origin: Origin | None = None
+    ) -> None:
+        super().__init__(folder, config_yaml, origin)
         self._command = command
         self._motion = Motion(folder)
         self._pictures = Pictures()
@@ -196,7 +199,8 @@ class RunRecorder(FolderRecorder):
         self._awaited.append(self._studio.submit(self.attempt, what, make))
 
     def _write_numbers(self, record: EpisodeRecord, last: bool = False) -> None:
-        write_json(self.folder / "result.json", self._noted(record).result(self._command), flushed=last)
+        result = {**self._noted(record).result(self._command), "origin": plain(self.origin)}
+        write_json(self.folder / "result.json", result, flushed=last)
         for name, content in STAGE_FILES.items():
             value = content(record)
             if value is not None and self._written.get(name) != value:
@@ -245,7 +249,9 @@ class RunRecorder(FolderRecorder):
             self._pictures.film = film.read_bytes()
 
     def _page(self, record: EpisodeRecord) -> str:
-        return render_page(self._noted(record), self._pictures, self.config, self._command, self.there())
+        return render_page(
+            self._noted(record), self._pictures, self.config, self._command, self.there(), self.origin
+        )
 
     def _noted(self, record: EpisodeRecord) -> EpisodeRecord:
         return replace(record, notes=(*record.notes, *self.notes))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from gvla2.episode.record import EpisodeRecord
 from gvla2.io.files import plain
-
-_SECRET = re.compile(r"\b(?:sk|hf|gsk|xai|ghp|AIza)[-_]?[A-Za-z0-9_-]{16,}|(?i:\bbearer\s+)\S{8,}")
-"""Patterns of common services' access keys, and of keys in headers."""
+from gvla2.io.secrets import ACCESS_KEY
 
 
 def kept(transcript: Iterable[Mapping[str, Any]]) -> list[Any]:
@@ -26,7 +23,7 @@ def turns_of(record: EpisodeRecord) -> list[tuple[str, str]]:
 
 def _blotted(value: Any) -> Any:
     if isinstance(value, str):
-        return _SECRET.sub("[key]", value)
+        return ACCESS_KEY.sub("[key]", value)
     if isinstance(value, dict):
         return {_blotted(key): _blotted(item) for key, item in value.items()}
     return [_blotted(item) for item in value] if isinstance(value, list) else value

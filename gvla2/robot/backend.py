@@ -180,6 +180,15 @@ class Truthful(Protocol):
 
 
 @runtime_checkable
+class TimeLimited(Protocol):
+    """A robot whose world ends an episode after some time."""
+
+    def seconds_left(self) -> float:
+        """Seconds of the robot's own clock until then, infinite where there is no limit."""
+        ...
+
+
+@runtime_checkable
 class OffersGallery(Protocol):
     """A robot whose world comes with meshes of its objects."""
 

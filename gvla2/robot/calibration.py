@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from gvla2.errors import GeometryError, RobotError
+from gvla2.errors import RobotError, reading
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.files import write_whole
@@ -79,20 +79,13 @@ class Calibration:
         Raises :class:`RobotError`, naming the file, if it is damaged, mirrored, too inexact, of another convention, or
         for another camera.
         """
-        try:
-            body = dict(json.loads(path.read_text()))
-        except (OSError, ValueError, TypeError) as error:
-            raise RobotError(f"{path} can't be read as a JSON object: {error}.") from error
-        mount: Mount = "eye_in_hand" if _KEYS["eye_in_hand"] in body else "eye_to_hand"
-        try:
+        with reading("a calibration", path, RobotError, "Calibrate again."):
+            body = dict(json.loads(path.read_text("utf-8-sig")))
+            mount: Mount = "eye_in_hand" if _KEYS["eye_in_hand"] in body else "eye_to_hand"
             if body["convention"] != CONVENTION:
                 raise ValueError(f"the convention {body['convention']!r} is not ours")
             pose, lens = np.array(body[_KEYS[mount]], dtype=np.float64), body["intrinsics"]
             made = cls(pinhole(pose=pose, **lens), str(body["serial"]), float(body["rmse"]), mount)
-        except (KeyError, TypeError, ValueError, GeometryError) as error:
-            raise RobotError(
-                f"The calibration {path} lacks or has a wrong {error}. Calibrate again."
-            ) from error
         if serial and made.serial != serial:
             raise RobotError(
                 f"The calibration {path} is for camera '{made.serial}', but the camera in use is '{serial}'. "

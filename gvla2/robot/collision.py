@@ -1,18 +1,19 @@
-"""Collision model: the arm's links as convex hulls, the perceived scene as simple solids."""
+"""Collision model: the arm's links as convex hulls, the perceived scene as simple solids and known objects' pieces."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Sequence, Set
-from functools import cached_property
+from contextlib import suppress
+from functools import cached_property, lru_cache
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gvla2.errors import RobotError, reading
+from gvla2.errors import GeometryError, RobotError, reading
 from gvla2.geometry.transform import FloatArray, box_corners
 from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
@@ -20,6 +21,11 @@ from gvla2.robot.kinematics import Kinematics, library
 
 TABLE = "table"
 """The name of the supporting plane in ``allowed_contacts`` and in :class:`Clearance`."""
+
+LARGE = 0.2
+"""Known objects longer than this, metres, are checked as their convex pieces: of smaller ones the box leaves enough
+room beside it, and costs less.
+"""
 
 KEPT = 12
 """Number of the latest checkers that are kept."""
@@ -170,7 +176,8 @@ class CollisionModel:
             hand = hand | {held.id}
         world = [(TABLE, library("coal").Halfspace(np.array([0.0, 0.0, 1.0]), scene.table_height), np.eye(4))]
         ignored = frozenset() if attached is None else frozenset({attached.object.id})
-        world += [(o.id, _solid(o), o.world_from_object) for o in scene.obstacles(ignored)]
+        for obj in scene.obstacles(ignored):
+            world += [(obj.id, solid, placement) for solid, placement in _solids(obj)]
         n_world = 0
         for name, solid, placement in world:
             index = geometry.addGeometryObject(pin.GeometryObject(name, 0, 0, pin.SE3(placement), solid))
@@ -186,6 +193,37 @@ class CollisionModel:
 
 def _link(solid: Any) -> str:
     return str(solid.name)
+
+
+def _solids(item: SceneObject) -> list[tuple[Any, FloatArray]]:
+    """Coal shapes, each with its pose (4, 4) in the world: the convex pieces of a large known object, which an arm may
+    reach past, else one simple shape. Of containers, whose decomposition takes minutes, the box is kept.
+    """
+    if item.known is not None and item.opening == 0.0 and float(item.extents.max()) > LARGE:
+        with suppress(
+            GeometryError, ModuleNotFoundError
+        ):  # the scan's file is gone, or no CoACD: its box is known
+            pieces = _pieces(item.known.path, item.known.scale)
+            return [(piece, item.known.world_from_scan) for piece in pieces]
+    return [(_solid(item), item.world_from_object)]
+
+
+@lru_cache(maxsize=64)
+def _pieces(path: str, scale: float) -> tuple[Any, ...]:
+    """The convex pieces of a scan's file as coal shapes in its frame, metres."""
+    from gvla2.geometry.convex import (
+        convex_pieces,  # few scenes have such an object, and importing trimesh is slow
+    )
+
+    return tuple(_hull(corners) for corners in convex_pieces(path, scale))
+
+
+def _hull(corners: FloatArray) -> Any:
+    """The convex hull of points (N, 3) as a coal shape."""
+    coal = library("coal")
+    vertices = coal.StdVec_Vec3s()
+    vertices.extend(np.ascontiguousarray(corners))
+    return coal.Convex.convexHull(vertices, True, "Qt")
 
 
 def _solid(item: SceneObject) -> Any:
@@ -207,7 +245,8 @@ def coal_shape(kind: str, size: Sequence[float]) -> Any:
 
 
 def _object_key(item: SceneObject) -> tuple[object, ...]:
-    return (item.id, item.shape, item.world_from_object.tobytes(), item.extents.tobytes())
+    scan = item.known and (item.known.path, item.known.world_from_scan.tobytes())
+    return (item.id, item.shape, item.world_from_object.tobytes(), item.extents.tobytes(), scan)
 
 
 def _bisecting(count: int) -> list[int]:
@@ -242,9 +281,7 @@ def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
             continue
         corners[solid.parentFrame].append(points @ pose.rotation.T + pose.translation)
     for frame, pieces in corners.items():
-        vertices = coal.StdVec_Vec3s()
-        vertices.extend(np.concatenate(pieces))
-        add(frame, pin.SE3.Identity(), coal.Convex.convexHull(vertices, True, "Qt"))
+        add(frame, pin.SE3.Identity(), _hull(np.concatenate(pieces)))
     return merged
 
 

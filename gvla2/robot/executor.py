@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import RobotError
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid
 from gvla2.planning.arm import Attachment
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Trajectory, Waypoint
@@ -291,11 +291,7 @@ class CarriedScene:
     def release(self, world_from_tcp: FloatArray) -> None:
         """Release the carried object where the tool pose (4, 4) leaves it."""
         moved = world_from_tcp @ invert_rigid(self._grasped_at)
-        left = []
-        for obj in self._taken:
-            known = obj.known and replace(obj.known, world_from_scan=moved @ obj.known.world_from_scan)
-            pose, points = moved @ obj.world_from_object, transform_points(moved, obj.points)
-            left.append(replace(obj, world_from_object=pose, points=points, known=known))
+        left = tuple(obj.moved(moved) for obj in self._taken)
         if left:
             self.scene = replace(self.scene, objects=(*self.scene.objects, *left))
         self.attached, self._taken = None, ()

@@ -52,7 +52,11 @@ def read_urdf(path: Path) -> ET.Element:
     URDF (:func:`gvla2.geometry.urdf_files.parse_urdf`), for a missing mesh, and if no link has a shape.
     """
     with reading("a URDF", path, RobotError):
-        robot = parse_urdf(path)
+        return _prepared(parse_urdf(path), path)
+
+
+def _prepared(robot: ET.Element, path: Path) -> ET.Element:
+    """The ``robot`` of a file, changed as :func:`read_urdf` says."""
     for link in robot.iterfind("link"):
         name = link.get("name", "")
         if any(len(geometry) != 1 for geometry in link.iter("geometry")):
@@ -165,7 +169,7 @@ def _as_obj(source: Path) -> Path:
 @lru_cache
 def _in_package(name: str) -> Path | None:
     """The file of ``package://PACKAGE/PATH``: in ROS's folders, an installed distribution or a Python package."""
-    package, _, rest = name.removeprefix(PACKAGE).partition("/")
+    package, _, rest = name.removeprefix(PACKAGE).lstrip("/").partition("/")
     for folder in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
         for root in (Path(folder), Path(folder) / package):
             if root.name == package and (root / rest).is_file():

@@ -46,7 +46,8 @@ def choose(proposals: Sequence[Proposal], request: PlanRequest, job: Job, tries:
 
     Score = preference + 0.2 margin to joint limits + 0.1 manipulability + 0.2 clearance, each at its worst
     waypoint, relative to a comfortable value and capped there; less if the arm overlaps the scene.
-    If the request has rejections, the first candidate that passes is skipped: it was the previous answer. Reserve
+    If the request has rejections, the first candidate that passes is skipped: it was the previous answer. What failed
+    earlier in the episode is not chosen again. Reserve
     proposals are ranked separately if none of the others passed.
 
     Inverse kinematics are solved only as far as needed to find the best. Candidates that were not followed to the end
@@ -180,10 +181,13 @@ class _Walk:
     def _ways(self, request: PlanRequest, reach: _Reach) -> Iterator[bool]:
         """Rates the proposal by one more waypoint each time."""
         margin, manipulability, room = LIMIT_COMFORT, EASE, ROOM
-        near, opening = request.joints, 1.0
-        for waypoint, pose in zip(
-            self.proposal.trajectory, self.proposal.trajectory.each_pose(request.start), strict=True
-        ):
+        near, opening, trajectory = request.joints, 1.0, self.proposal.trajectory
+        if request.advice.tried:
+            poses = trajectory.poses(request.start)
+            if any(tried.repeated(poses, trajectory) for tried in request.advice.tried):
+                self._fails("an earlier attempt of this episode failed with it")
+                return
+        for waypoint, pose in zip(trajectory, trajectory.each_pose(request.start), strict=True):
             self._poses.append(pose)
             solution = reach(pose, near)
             if solution is None:

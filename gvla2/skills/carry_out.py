@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.checks_motion import resolve_motion
 from gvla2.planning.contracts import Abstention, AbstentionKind, Done, Plan, PlanRequest
@@ -67,12 +67,22 @@ def carry_out(calls: Sequence[SkillCall], request: PlanRequest, options: SkillOp
     part = first_part(program, request.scene)
     calls_of_part = [call for call, _ in part]
     plan = (
-        _one(calls_of_part[0], request, options, skills)
+        _one(calls_of_part[0], request, options, skills, (0, _sharing(calls_of_part[0], program)))
         if len(part) == 1
         else all_in_one(calls_of_part, request, lambda c, now, share: _one(c, now, options, skills, share))
     )
     done = sum(count for _, count in part[: len(plan.calls)]) if plan.calls else len(program)
     return replace(plan, calls=program[:done], remaining=program[done:], options=options)
+
+
+def _sharing(first: SkillCall, program: Sequence[SkillCall]) -> int:
+    """How many objects the program puts to where its first call puts one: that one must leave them room."""
+    if first.relation not in ("on", "in") or not first.goal or first.xy is not None:
+        return 1
+    there = (first.goal, first.relation, None)
+    return len(
+        {first.theme, *(call.theme for call in program if (call.goal, call.relation, call.xy) == there)}
+    )
 
 
 def _one(
@@ -391,6 +401,5 @@ def _moved(obj: SceneObject, by: FloatArray, scene: Scene) -> Scene:
     own = scene.family(obj.id)
     for each in scene.objects:
         if each.id in own:
-            pose, points = by @ each.world_from_object, transform_points(by, each.points)
-            scene = scene.with_object(replace(each, world_from_object=pose, points=points))
+            scene = scene.with_object(each.moved(by))
     return scene

@@ -54,10 +54,15 @@ def flat_object(
     outside = [np.zeros((0, 3))]
     for number, (frame, mask) in enumerate(zip(frames, bare, strict=True)):
         mine = members[pixels.view[members] == number]
-        own = np.zeros(mask.shape, dtype=bool)
-        own[pixels.row[mine], pixels.column[mine]] = True
-        rows, columns = np.nonzero(binary_dilation(own, iterations=2) & mask & ~own)
-        outside.append(plane_crossings(frame, rows, columns, 0.5 * top))
+        if not len(mine):
+            continue
+        # Only around the object: a dilation of the whole picture takes longer than the fit.
+        first = np.maximum(np.array([pixels.row[mine].min(), pixels.column[mine].min()]) - 2, 0)
+        near = mask[first[0] : pixels.row[mine].max() + 3, first[1] : pixels.column[mine].max() + 3]
+        own = np.zeros(near.shape, dtype=bool)
+        own[pixels.row[mine] - first[0], pixels.column[mine] - first[1]] = True
+        rows, columns = np.nonzero(binary_dilation(own, iterations=2) & near & ~own)
+        outside.append(plane_crossings(frame, rows + first[0], columns + first[1], 0.5 * top))
     beside = evenly(np.concatenate(outside), MOST)
     yaw, middle, lengths = narrow_yaw(points[:, :2], trim=0.2)
     seen = evenly(points, MOST)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from gvla2.geometry.compiled import compiled
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 
@@ -151,28 +152,37 @@ STEPS = 16  # of a fit
 STAY = 0.003  # metres of error per metre that a parameter leaves its start: it decides only where nothing else does
 
 
-def _join(*planes: FloatArray) -> FloatArray:
-    """Distance to the intersection of slabs, given the signed distances (N,) to each."""
-    stack = np.stack(planes)
-    return np.asarray(np.sqrt((np.maximum(stack, 0.0) ** 2).sum(axis=0)) + np.minimum(stack.max(axis=0), 0.0))
-
-
+@compiled
 def box_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
     """Upright box: centre x, y, yaw, width (its x), depth (its y), top, bottom."""
-    cx, cy, yaw, width, depth, top, bottom = parameters
-    x, y, z = points.T
-    dx, dy, c, s = x - cx, y - cy, np.cos(yaw), np.sin(yaw)
-    side = np.abs(c * dx + s * dy) - 0.5 * width
-    front = np.abs(c * dy - s * dx) - 0.5 * depth
-    return _join(side, front, np.abs(z - 0.5 * (top + bottom)) - 0.5 * (top - bottom))
+    cx, cy, yaw, width, depth = parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]
+    top, bottom = parameters[5], parameters[6]
+    c, s, found = np.cos(yaw), np.sin(yaw), np.empty(len(points))
+    for n in range(len(points)):
+        dx, dy, z = points[n, 0] - cx, points[n, 1] - cy, points[n, 2]
+        side = abs(c * dx + s * dy) - 0.5 * width
+        front = abs(c * dy - s * dx) - 0.5 * depth
+        found[n] = _joined(side, front, abs(z - 0.5 * (top + bottom)) - 0.5 * (top - bottom))
+    return found
 
 
+@compiled
 def cylinder_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
     """Upright cylinder: centre x, y, diameter, top, bottom."""
-    cx, cy, diameter, top, bottom = parameters
-    x, y, z = points.T
-    radial = np.hypot(x - cx, y - cy) - 0.5 * diameter
-    return _join(radial, np.abs(z - 0.5 * (top + bottom)) - 0.5 * (top - bottom))
+    cx, cy, diameter, top, bottom = parameters[0], parameters[1], parameters[2], parameters[3], parameters[4]
+    found = np.empty(len(points))
+    for n in range(len(points)):
+        radial = np.hypot(points[n, 0] - cx, points[n, 1] - cy) - 0.5 * diameter
+        level = abs(points[n, 2] - 0.5 * (top + bottom)) - 0.5 * (top - bottom)
+        found[n] = _joined(radial, level, -np.inf)
+    return found
+
+
+@compiled
+def _joined(one: float, two: float, three: float) -> float:
+    """Distance to the intersection of slabs, given the signed distances to each, metres."""
+    outside = max(one, 0.0) ** 2 + max(two, 0.0) ** 2 + max(three, 0.0) ** 2
+    return float(np.sqrt(outside) + min(max(one, two, three), 0.0))
 
 
 def sphere_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:

@@ -92,20 +92,16 @@ class LiberoWorld(EnvWorld):
             problem = TASK_MAPPING[get_problem_info(str(file))["problem_name"]]
             np.random.seed(0)
             env = problem(str(file), robots=["Panda"], **OPTIONS)
+        # The hand's command moves with every step of the physics.
+        stride = hand_of(env).speed * _substeps(env)
+        super().__init__(env, config.stiffness, config.max_steps or _cap(suite), stride)
         self._states, self._settle_steps, self._task = np.asarray(states), config.settle_steps, task
         self._mujoco, self._stiffness = import_mujoco(), config.stiffness
+        self.instruction, self.goal = sentence_of(file), f"LIBERO's own check of {task}: {_goal(env)}"
         low, high = (np.array(corner) + env.workspace_offset[:2] for corner in REACH)
         height = 0.0 if "floor" in env.workspace_name else float(env.workspace_offset[2])
-        super().__init__(
-            env,
-            instruction=sentence_of(file),
-            goal=f"LIBERO's own check of {task}: {_goal(env)}",
-            workspace=Box(np.array([*low, height]), np.array([*high, height + HEADROOM])),
-            table_height=height,
-            stiffness=config.stiffness,
-            hand_stride=hand_of(env).speed * _substeps(env),  # with every step of the physics
-            max_steps=config.max_steps or _cap(suite),
-        )
+        self.workspace = Box(np.array([*low, height]), np.array([*high, height + HEADROOM]))
+        self.table_height = height
 
     def advance(self, joints: FloatArray, closing: float) -> None:
         """The physics of one control step, the joints driven as by robosuite's JOINT_POSITION controller.

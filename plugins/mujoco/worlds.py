@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.errors import RobotError
+from gvla2.errors import RobotError, reading
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
 from gvla2.robot.mujoco.description import ArmNames
@@ -22,10 +22,8 @@ class MjcfWorld:
 
     def __init__(self, config: MjcfConfig) -> None:
         self._mujoco = mujoco = import_mujoco()
-        try:
+        with reading("robot.mjcf", config.mjcf, RobotError):
             self.model: Any = mujoco.MjModel.from_xml_path(str(Path(config.mjcf).expanduser()))
-        except ValueError as error:
-            raise RobotError(f"robot.mjcf={config.mjcf} does not compile: {error}") from error
         self.data: Any = mujoco.MjData(self.model)
         self.names = ArmNames(config.base, config.tool, tuple(config.joints), tuple(config.fingers))
         self.rate, self.steps, self.groups = config.rate, 0, tuple(config.geom_groups)

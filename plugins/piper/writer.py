@@ -8,11 +8,10 @@ both in seconds.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import json
 import os
-import re
-import tempfile
+import socket
+import stat
 import threading
 import time
 from pathlib import Path
@@ -22,36 +21,44 @@ from gvla2.errors import RobotError
 
 
 class WriterLock:
-    """Holds an advisory lock on a file that all users of this machine share; released with the process at the latest.
+    """The right of one process of this machine to command an arm; it ends with the process at the latest.
 
-    It binds programs that use gvla2. Others are noticed by their frames and by what the arm does.
+    It is a Linux abstract socket's name: no file that could be linked elsewhere, no folder that programs could choose
+    differently. It binds programs that use gvla2. Others are noticed by their frames and by what the arm does.
     """
 
-    def __init__(self, bus: str, channel: str, folder: Path | None = None) -> None:
-        name = re.sub(r"[^\w.-]+", "-", f"gvla2-piper-{bus}-{channel}.lock")
-        self.path = (folder or Path(tempfile.gettempdir())) / name
-        self._channel = channel
-        self._file: int | None = None
+    def __init__(self, bus: str, channel: str) -> None:
+        self._channel, self._name = channel, f"\0gvla2-piper-{_device(bus, channel)}"
+        self._socket: socket.socket | None = None
 
     def acquire(self) -> None:
         """Take the lock; raises :class:`RobotError` when another program has it."""
+        self._socket = socket.socket(socket.AF_UNIX)
         try:
-            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-            with contextlib.suppress(OSError):  # owned by another user: it is open to all already
-                os.fchmod(self._file, 0o666)
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._socket.bind(self._name)
         except OSError as error:
             self.release()
             raise RobotError(
-                f"The arm on '{self._channel}' is already commanded by another program or user ({self.path}: "
-                f"{error.strerror}). One program at a time may move an arm: end that one first. Nothing was sent."
+                f"The arm on '{self._channel}' is already commanded by another program or user ({error.strerror}). "
+                "One program at a time may move an arm: end that one first. Nothing was sent."
             ) from error
 
     def release(self) -> None:
         """Release the lock; safe to call twice."""
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+def _device(bus: str, channel: str) -> str:
+    """The device behind a channel, the same for all of its names: a serial port's number, a CAN interface's index."""
+    path = channel.partition("@")[0]  # slcan: PORT@BAUD
+    with contextlib.suppress(OSError, ValueError):
+        if stat.S_ISCHR((found := Path(path).stat()).st_mode):
+            return f"{os.major(found.st_rdev)}-{os.minor(found.st_rdev)}"
+    with contextlib.suppress(OSError, ValueError):
+        return f"can-{socket.if_nametoindex(channel)}"
+    return f"{bus}-{os.path.realpath(path) if '/' in path else path}"[:80]
 
 
 def default_log(bus: str, channel: str) -> Path:

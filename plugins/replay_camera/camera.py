@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gvla2.errors import ConfigurationError, RobotError
+from gvla2.errors import ConfigurationError, RobotError, reading
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.robot.backend import CameraFrames
@@ -72,13 +72,13 @@ class FrameFolder:
     def __init__(self, folder: Path, name: str) -> None:
         self.folder, self.name = folder, name
         self.calibration = Calibration.load(folder / CAMERA)
-        self._scale = json.loads((folder / CAMERA).read_text()).get("depth_scale", 0.001)
+        self._scale = json.loads((folder / CAMERA).read_text("utf-8-sig")).get("depth_scale", 0.001)
         if not isinstance(self._scale, int | float) or not 0 < self._scale < math.inf:
             raise RobotError(
                 f"{folder / CAMERA}: depth_scale is {self._scale!r}; it is metres per unit: 0.001."
             )
         numbers = {path.name.partition(".")[0] for path in folder.glob("[0-9]*.*")}
-        self.frames = [_pair(folder, number) for number in sorted(numbers, key=int)]
+        self.frames = [_pair(folder, number) for number in sorted(filter(str.isdecimal, numbers), key=int)]
         if not self.frames:
             raise RobotError(f"{folder} holds no frames: there is no 000.rgb.png with 000.depth.png or .npy.")
         for index in range(len(self.frames)):
@@ -127,10 +127,8 @@ def _pair(folder: Path, number: str) -> tuple[Path, Path]:
 
 def _picture(path: Path, mode: str | None = None) -> NDArray[Any]:
     """The pixels (H, W) or (H, W, 3) of a picture or an array."""
-    try:
+    with reading("a picture", path, RobotError):
         if path.suffix == ".npy":
             return np.asarray(np.load(path, allow_pickle=False))
         with Image.open(path) as picture:
             return np.array(picture.convert(mode) if mode else picture)
-    except (OSError, ValueError, SyntaxError) as error:  # the last is what Pillow makes of a broken chunk
-        raise RobotError(f"{path} is not a readable picture: {error}.") from error

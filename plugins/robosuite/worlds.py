@@ -61,16 +61,10 @@ class RobosuiteWorld(EnvWorld):
                 **OPTIONS,
                 **({"seed": 0} if own else {}),
             )
-        super().__init__(
-            env,
-            instruction=SENTENCES[task],
-            goal=f"robosuite's own check of {name}",
-            workspace=Box(np.array(LOW), np.array(HIGH)),
-            table_height=TABLE,
-            stiffness=config.stiffness,
-            hand_stride=hand_of(env).speed,  # with every step of control
-            max_steps=config.max_steps,
-        )
+        # The hand's command moves with every step of control.
+        super().__init__(env, config.stiffness, config.max_steps, hand_of(env).speed)
+        self.instruction, self.goal = SENTENCES[task], f"robosuite's own check of {name}"
+        self.workspace, self.table_height = Box(np.array(LOW), np.array(HIGH)), TABLE
         self._settle_steps = config.settle_steps
 
     def begin(self, seed: int) -> None:

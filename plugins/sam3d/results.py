@@ -8,7 +8,6 @@ rim pixel, seven unknowns.
 from __future__ import annotations
 
 import io
-import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.errors import ConfigurationError, GeometryError, reading
 from gvla2.geometry.gaussians import Gaussians, read_gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
@@ -57,7 +56,7 @@ def _read_pose(path: Path) -> FloatArray | None:
     """The pose of ``params.npz``: scale, rotation (wxyz) and translation in PyTorch3D's row convention."""
     if not path.is_file():
         return None
-    try:
+    with reading("the pose", path):
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
             if not {"scale", "rotation", "translation"} <= set(arrays.files):
                 return None
@@ -68,8 +67,6 @@ def _read_pose(path: Path) -> FloatArray | None:
         if not (scale > 0 and np.isfinite([scale, *translation]).all()):
             raise ValueError(f"its scale {scale} and translation {translation} are no similarity's.")
         return rigid(scale * _CAMERA_FROM_P3D @ rotation.T, _CAMERA_FROM_P3D @ translation)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise GeometryError(f"Cannot read the pose {path}: {error}") from error
 
 
 def align_result(result: Reconstruction, pose: FloatArray | None, views: Views, count: int) -> Reconstruction:

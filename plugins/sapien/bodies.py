@@ -11,10 +11,10 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import MissingDependencyError
+from gvla2.geometry.convex import piece_file
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Catch, Joint, Layout, Solid, Thread
-from gvla2_plugins.sapien.convex import piece_file
 
 
 def import_sapien() -> Any:
@@ -119,7 +119,9 @@ def _add_solids(builder: Any, body: Body) -> None:
         how = {"material": material, "density": body.mass / volume}
         pose, half = solid.body_from_shape, [0.5 * side for side in solid.size]
         if isinstance(solid, Scan):
-            builder.add_multiple_convex_collisions_from_file(str(piece_file(solid)), pose_of(pose), **how)
+            builder.add_multiple_convex_collisions_from_file(
+                str(piece_file(solid.textured.mesh)), pose_of(pose), **how
+            )
         elif solid.kind == "box":
             builder.add_box_collision(pose_of(pose), half_size=half, **how)
         elif solid.kind == "cylinder":
@@ -141,7 +143,7 @@ def axis_frame(axis: FloatArray, origin: FloatArray) -> FloatArray:
 
 def _volume(solid: Solid) -> float:
     if isinstance(solid, Scan):
-        return float(trimesh.load_mesh(piece_file(solid)).volume)  # of all its pieces
+        return float(trimesh.load_mesh(piece_file(solid.textured.mesh)).volume)  # of all its pieces
     x, y, z = solid.size
     return {"box": x * y * z, "cylinder": np.pi / 4 * x * y * z, "sphere": np.pi / 6 * x**3}[solid.kind]
 

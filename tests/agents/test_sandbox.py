@@ -1,5 +1,6 @@
 """The sandbox against commands and task folders that misbehave."""
 
+import os
 import subprocess
 from pathlib import Path
 
@@ -39,6 +40,21 @@ def test_nothing_of_the_machine_is_within_reach(sandbox, tmp_path: Path):
     assert sandbox.run("tail -n +3 /proc/net/dev | cut -d: -f1").text.split() == ["lo"]
 
 
+@pytest.mark.parametrize("place", ["/", "/dev", "/etc", "/home", "/usr", "/proc/sys/kernel/core_pattern"])
+def test_nothing_else_can_be_written(sandbox, place):
+    # Memory without a limit, and settings of the host, which its root may change.
+    written = sandbox.run(f"""python3 -c '
+import os, sys
+os.open(sys.argv[1] + "/x" * os.path.isdir(sys.argv[1]), os.O_WRONLY | os.O_CREAT)' {place}""")
+    assert "Read-only file system" in written.text
+
+
+def test_a_command_gets_no_namespace_in_which_it_could_mount(sandbox):
+    output = sandbox.run("unshare -Urm sh -c 'mount -t tmpfs none /tmp && echo mounted'")
+    assert output.status != 0
+    assert "mounted" not in output.text
+
+
 def test_no_variable_of_the_host_is_readable_anywhere_in_the_sandbox(sandboxed, tmp_path: Path, monkeypatch):
     monkeypatch.setenv("OPENAI_API_KEY", "sk-THE-KEY")
     output = BubblewrapSandbox(tmp_path).run("env; cat /proc/*/environ /proc/*/cmdline | tr '\\0' '\\n'")
@@ -59,6 +75,12 @@ def test_many_files_that_fill_the_disk_end_the_command(sandbox):
     assert output.status == 137
     assert "larger than 40 MB" in output.text
     assert "done" not in output.text
+    assert sandbox.run("rm f*; ls").text == "", "the next command can make room"
+
+
+def test_no_command_can_end_the_watch_over_the_disk(sandbox):
+    fill = "pkill sleep; pkill du; for i in $(seq 9999); do head -c 3000000 /dev/zero > f$i; done"
+    assert "larger than 40 MB" in sandbox.run(fill, seconds=30).text
 
 
 def test_one_large_file_and_much_memory_are_refused(sandbox):
@@ -100,6 +122,17 @@ def test_links_in_a_task_lead_nowhere_on_the_host(sandboxed, tmp_path: Path):
         assert "SECRET" not in run_tests(task, box).text
     assert [path.name for path in (tmp_path / "home").iterdir()] == ["key"]
     assert (tmp_path / "home" / "key").read_text() == "SECRET"
+
+
+def test_pipes_in_a_task_hold_nothing_up(sandboxed, tmp_path: Path):
+    task = task_in(tmp_path / "task")
+    os.mkfifo(task.files / "pipe")
+    with pytest.raises(EnvironmentFailedError, match="named pipe"), bubblewrap(task):
+        pass
+    (task.folder / "instruction.md").unlink()
+    os.mkfifo(task.folder / "instruction.md")
+    with pytest.raises(ConfigurationError, match=r"instruction\.md is not a file"):
+        read_task(task.folder)
 
 
 @pytest.mark.parametrize("name", ["tests", "environment", "environment/files", "instruction.md", "task.toml"])

@@ -1,5 +1,7 @@
 """Tables that compare: means, changes, the worst object; and their forms."""
 
+import csv
+import io
 import re
 from dataclasses import replace
 
@@ -7,7 +9,7 @@ from gvla2.evaluation.comparison import comparison_sheets
 from gvla2.evaluation.results import Cell, Run
 from gvla2.evaluation.suites.agents import LAYOUT as AGENTS
 from gvla2.evaluation.suites.reconstruction import LAYOUT as RECONSTRUCTION
-from gvla2.evaluation.tables import render_report, to_latex, to_markdown
+from gvla2.evaluation.tables import render_report, to_csv, to_latex, to_markdown
 
 
 def cells() -> list[Cell]:
@@ -100,3 +102,13 @@ def test_the_page_is_self_contained_and_escapes():
     assert "&lt;b&gt;abc" in page
     assert not re.search(r'(src|href)="(?!data:)', page)
     assert "not measured" in page
+    assert "default-src 'none'" in page, "a browser runs nothing that slipped in"
+
+
+def test_no_cell_of_a_csv_file_is_a_formula():
+    factors = {"object": "=cmd|'/C calc'!A0", "@SUM(1)": "+1", "seed": -3}
+    rows = list(csv.reader(io.StringIO(to_csv([Cell("k", factors, {"psnr": -1.5}, {"status": "-fail"})]))))
+    assert rows == [
+        ["object", "'@SUM(1)", "seed", "psnr", "status", "folder"],
+        ["'=cmd|'/C calc'!A0", "+1", "-3", "-1.5", "'-fail", ""],
+    ]

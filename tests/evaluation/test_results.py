@@ -1,4 +1,6 @@
 import sqlite3
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -36,6 +38,22 @@ def test_the_same_key_is_replaced(tmp_path):
         results.add(first, "s", [cell("a")])
         results.add(second, "s", [cell("a")])
         assert [c.run for c in results.cells("s")] == [second]
+
+
+def test_two_benches_measure_into_one_new_database(tmp_path):
+    ready = threading.Barrier(2)
+
+    def bench(number: int) -> None:
+        ready.wait()
+        with open_at(tmp_path) as results:
+            run = results.begin("s", tmp_path, "")
+            for key in range(40):
+                results.add(run, "s", [cell(str(key), bench=number)])
+
+    with ThreadPoolExecutor(2) as both:
+        list(both.map(bench, range(2)))
+    with open_at(tmp_path) as results:
+        assert len(results.cells("s")) == 40
 
 
 def test_all_cells_of_one_call_or_none(tmp_path):

@@ -1,6 +1,7 @@
 """The endpoint against a real server that misbehaves in every way that servers do."""
 
 import asyncio
+import gzip
 import importlib.util
 import json
 import logging
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import threading
 import time
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +126,18 @@ def test_refusals_say_what_to_do_and_are_not_repeated(status: int, advice: str):
 def test_nonsense_is_malformed(reply: Reply):
     with LocalModel(replying(reply)) as model, pytest.raises(MalformedAnswerError):
         ask(endpoint(model))
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_an_answer_without_end_is_not_read(packed: bool, monkeypatch):
+    monkeypatch.setattr("gvla2.language.endpoint.MOST_BYTES", 1 << 20)
+    body = json.dumps(said("x" * (50 << 20))).encode()
+    reply = Reply(gzip.compress(body), headers={"Content-Encoding": "gzip"}) if packed else Reply(body)
+    tracemalloc.start()
+    with LocalModel(replying(reply)) as model, pytest.raises(MalformedAnswerError, match="longer than 1 MB"):
+        ask(endpoint(model, retries=0))
+    assert tracemalloc.get_traced_memory()[1] < 200 << 20
+    tracemalloc.stop()
 
 
 def test_a_connection_that_breaks_off_is_tried_again(soon: None):
@@ -331,15 +345,18 @@ def test_a_picture_is_sent():
 # A key goes to its server and nowhere else
 
 
-KEY = "sk-t0p-s3cret"
+KEY = "sk-t0p/s3cret"
+ESCAPED = r"\u0073k-t0p\/s3cret"
 
 
 @pytest.mark.parametrize(
     "reply",
     [said(f"It is {KEY}."), refused(401, f"Bearer {KEY} is wrong"), refused(503, f"busy with {KEY}"),
      Reply(f"<html>{KEY}</html>".encode(), 500), Reply(f"{KEY} is no JSON".encode()),
-     Reply({"error": {"message": f"{KEY}?"}}), Reply({"choices": KEY})],
-    ids=range(7),
+     Reply({"error": {"message": f"{KEY}?"}}), Reply({"choices": KEY}),
+     Reply(json.dumps(said(f"It is {KEY}.")).replace(KEY, ESCAPED).encode()),
+     Reply(f'{{"error": {{"message": "{ESCAPED}"}}}}'.encode(), 401), Reply(f"<b>{ESCAPED}</b>".encode(), 500)],
+    ids=range(10),
 )  # fmt: skip
 def test_a_key_in_a_response_is_redacted_everywhere(reply: Any, tmp_path: Path, monkeypatch, caplog):
     monkeypatch.setenv("MY_KEY", KEY)
@@ -354,6 +371,7 @@ def test_a_key_in_a_response_is_redacted_everywhere(reply: Any, tmp_path: Path, 
     assert KEY not in str(caught.value)
     assert KEY not in json.dumps(caught.value.transcript)
     assert KEY not in caplog.text
+    assert ESCAPED not in str(caught.value) + json.dumps(caught.value.transcript)
     assert all(KEY.encode() not in file.read_bytes() for file in tmp_path.rglob("*") if file.is_file())
     assert KEY not in OmegaConf.to_yaml(OmegaConf.structured(config))
 

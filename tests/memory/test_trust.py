@@ -75,6 +75,21 @@ def test_an_episode_of_ours_bears_it_out_too(bank: KnowledgeBank) -> None:
     assert record.trust == "own"
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("blog", "blog\u200b", "\u202eblog", "\uff42log ", "bl\u00adog"),
+        ("https://a.org/x", "https://me@a.org/x", "https://me:pw@A.org./x", "HTTPS://a.org\u200b/x"),
+    ],
+)
+def test_one_source_under_several_names_counts_once(bank: KnowledgeBank, names: tuple[str, ...]) -> None:
+    task, text = parts(LESSONS[0])
+    for name in names:
+        bank.learn(MemoryEpisode(MemoryTask(task), (hint(text),), source=name), GOOD)
+    (record,) = bank.records()
+    assert (record.count, record.sources()) == (1, (names[0],))
+
+
 def test_foreign_words_change_nothing_about_ours(bank: KnowledgeBank) -> None:
     bound = {"kind": "bound", "parameter": "lift", "op": "<=", "value": 0.2}
     ours = Lesson("procedural_hint", "Lift the cup at most 20 cm.", bound)

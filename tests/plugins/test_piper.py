@@ -1,5 +1,6 @@
 """The Piper's description, gate, lock, log and camera: what needs no moving arm."""
 
+import os
 import struct
 import subprocess
 import sys
@@ -158,25 +159,29 @@ def test_leaps_and_impossible_angles_are_not_believed():
     assert "joint 3 reads" in feedback.snapshot().unbelievable
 
 
-def test_one_process_holds_the_lock(tmp_path):
-    first = WriterLock("socketcan", "can7", tmp_path)
+def test_one_process_holds_the_lock_whatever_names_it_gives_the_device(tmp_path):
+    _, terminal = os.openpty()
+    port, by_id = os.ttyname(terminal), tmp_path / "by-id"
+    by_id.symlink_to(port)
+    first = WriterLock("slcan", port)
     first.acquire()
     code = (
-        "import sys; from pathlib import Path; from gvla2_plugins.piper.writer import WriterLock\n"
+        "import sys; from gvla2_plugins.piper.writer import WriterLock\n"
         "from gvla2.errors import RobotError\n"
-        "try: WriterLock('socketcan', 'can7', Path(sys.argv[1])).acquire(); print('taken')\n"
+        "try: WriterLock('slcan', sys.argv[1]).acquire(); print('taken')\n"
         "except RobotError as error: print(error)"
     )
 
-    def other():
-        return subprocess.run(
-            [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True
-        ).stdout
+    def other(name):
+        command, elsewhere = [sys.executable, "-c", code, name], os.environ | {"TMPDIR": str(tmp_path)}
+        return subprocess.run(command, capture_output=True, text=True, env=elsewhere).stdout
 
-    assert "already commanded by another program" in other()
+    for name in (port, str(by_id), f"{by_id}@115200", "/dev/../" + port):
+        assert "already commanded by another program" in other(name)
+    assert not [path for path in tmp_path.iterdir() if path != by_id], "no file to plant a link at"
     first.release()
     first.release()
-    assert other() == "taken\n"
+    assert other(str(by_id)) == "taken\n"
 
 
 def test_the_log_is_appended_to_and_read_back(tmp_path):

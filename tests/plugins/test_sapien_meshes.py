@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from gvla2.geometry.convex import piece_file
 from gvla2.geometry.transform import rigid
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.depth_noise import apply_noise
@@ -13,7 +14,6 @@ from gvla2.robot.scan import read_scan, scanned_body
 from gvla2.robot.task import Body, Layout, Primitive
 from gvla2.robot.workcell import make_cell
 from gvla2_plugins.sapien import SapienPandaConfig
-from gvla2_plugins.sapien.convex import piece_file
 from gvla2_plugins.sapien.world import SapienWorld
 from tests.scanning import bowl, box, painted, write
 
@@ -35,9 +35,9 @@ def test_a_convex_object_is_one_piece_and_an_open_one_stays_open(tmp_path, bowl_
     ball = read_scan(
         write(tmp_path, "ball", painted(trimesh.creation.icosphere(subdivisions=4, radius=0.04)))
     )
-    (whole,) = trimesh.load_mesh(piece_file(ball)).split()
+    (whole,) = trimesh.load_mesh(piece_file(ball.textured.mesh)).split()
     assert whole.volume == pytest.approx(4 / 3 * np.pi * 0.04**3, rel=0.05)
-    vessel = trimesh.load_mesh(piece_file(read_scan(bowl_file))).split()
+    vessel = trimesh.load_mesh(piece_file(read_scan(bowl_file).textured.mesh)).split()
     assert len(vessel) > 4
 
     def holds(piece, points):

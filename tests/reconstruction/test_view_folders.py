@@ -211,6 +211,8 @@ def _broken(views, tmp_path, change):
         (lambda d: d["views"][2].update(T=np.diag([2.0, 2, 2, 1]).tolist()), "view '2'.*orthonormal"),
         (lambda d: d["views"][0].pop("T"), "view '0'.*needs K, and T"),
         (lambda d: d["views"][0].update(name="9"), "view '9'.*no .*9.png"),
+        (lambda d: d["views"][0].update(name="../images/0"), "view '../images/0'.*out of the folder"),
+        (lambda d: d["views"][0].update(name="/etc/0"), "view '/etc/0'.*out of the folder"),
         (lambda d: d.update(convention="directx"), "'directx' is unknown.*opencv, opengl"),
         (lambda d: d["views"][0].update(K=[[100, 0, 48], [0, 100, 48], [0, 0, 1]]), "view '0'.*96x96 pixels"),
         (lambda d: d.update(views=[]), "lists 0 views"),

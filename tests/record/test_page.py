@@ -17,7 +17,7 @@ from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Candidate
-from gvla2.record.page import episode_folder, render_page, write_index, write_summary
+from gvla2.record.page import episode_folder, render_page, templates, write_index, write_summary
 from gvla2.record.pictures import Pictures
 from gvla2.record.progress import Progress
 from gvla2.record.recorder import RunRecorder
@@ -149,6 +149,16 @@ def test_numbers_that_are_not_numbers_do_not_break_the_page(episode: Episode) ->
         )
     )
     assert "nan%" not in " ".join(str(a) for _, a in page.tags)
+
+
+def test_compiled_templates_are_nobody_elses_to_write(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("GVLA2_CACHE", str(tmp_path))
+    (tmp_path / "templates").mkdir()
+    (tmp_path / "templates").chmod(0o777)
+    assert templates.__wrapped__().bytecode_cache is not None
+    assert (tmp_path / "templates").stat().st_mode & 0o077 == 0
+    monkeypatch.setattr("os.geteuid", lambda: 12345)
+    assert templates.__wrapped__().bytecode_cache is None, "a folder of somebody else"
 
 
 def test_the_script_matches_its_policy(episode: Episode) -> None:

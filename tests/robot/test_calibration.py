@@ -1,6 +1,7 @@
 """Hand-eye calibration: refused when it can't be, written and read."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -44,4 +45,8 @@ def test_mirrored_inexact_and_foreign_calibrations_are_refused(tmp_path: Path):
     body["T_base_camera"][0] = [-v for v in body["T_base_camera"][0]]
     path.write_text(json.dumps(body))
     with pytest.raises(RobotError, match="determinant -1"):
+        Calibration.load(path)
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(RobotError, match="not a file"):
         Calibration.load(path)

@@ -1,10 +1,14 @@
 """Collision checks of the Panda against perceived solids."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import trimesh
 
-from gvla2.geometry.transform import invert_rigid
+from gvla2.geometry.transform import invert_rigid, rigid
 from gvla2.planning.arm import Attachment
+from gvla2.planning.scene import KnownShape
 
 
 @pytest.fixture
@@ -51,6 +55,24 @@ def test_what_is_attached_moves_with_the_hand(arm, scene_of, block, over):
     assert arm.clearance(over, 0.5, scene_of(held, other), attached=attached).distance < 0
     free = arm.clearance(over, 0.5, scene_of(held, other), frozenset({"other"}), attached)
     assert free.distance > 0.005
+
+
+def test_the_hand_fits_into_a_known_object_whose_box_it_is_in(arm, scene_of, block, over, tmp_path):
+    sides = [trimesh.creation.box((0.02, 0.02, 0.3)) for _ in range(2)]
+    sides += [trimesh.creation.box((0.02, 0.5, 0.02))]
+    for side, at in zip(sides, [(0, -0.24, 0), (0, 0.24, 0), (0, 0, -0.14)], strict=True):
+        side.apply_translation(at)
+    file = tmp_path / "gate.obj"
+    trimesh.util.concatenate(sides).export(file)
+    boxed = block("gate", at=(0.3, 0.0, 0.902), size=(0.02, 0.5, 0.3))
+    known = replace(boxed, known=KnownShape("gate", str(file), boxed.world_from_object))
+    assert arm.clearance(over, 0.5, scene_of(boxed)).distance < 0
+    assert arm.clearance(over, 0.5, scene_of(known)).distance > 0.04
+    moved = known.moved(rigid(None, (0.0, 0.24, 0.0)))
+    clearance = arm.clearance(over, 0.5, scene_of(moved))
+    assert (clearance.distance < 0, clearance.other) == (True, "gate")
+    gone = replace(known, known=replace(known.known, path=str(tmp_path / "gone.obj")))
+    assert arm.clearance(over, 0.5, scene_of(gone)).distance < 0
 
 
 def test_the_arm_can_hit_itself(arm, scene_of):

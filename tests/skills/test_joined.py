@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from gvla2.planning.part_hierarchy import joined
@@ -62,6 +63,21 @@ def test_objects_that_share_a_bin_lie_across_the_line_between_them():
     made, _ = asked("put every object into the bin that has its colour", bins, other, bar, cube)
     assert made.trajectory is not None, made.abstention
     assert {made.roles["theme_1"], made.roles["theme_2"]} == {"b", "c"}
+
+
+def test_the_first_of_two_objects_for_one_place_leaves_room_for_the_other():
+    board = named("p", "gray board", "box", (0.3, 0.1, 0.01), (0.24, 0.18, 0.02))
+    red = named("a", "red cube", "box", (0.2, -0.2, 0.025), (0.05, 0.05, 0.05))
+    blue = named("b", "blue cube", "box", (0.4, -0.2, 0.025), (0.05, 0.05, 0.05))
+
+    def left(sentence: str) -> float:
+        made, _ = asked(sentence, board, red, blue)
+        assert made.trajectory is not None, made.abstention
+        (let_go,) = (w for w in made.trajectory if w.stage == "release")
+        return float(np.linalg.norm(np.subtract(let_go.xyz, board.centre)[:2]))
+
+    assert left("put the red cube on the gray board") < 0.01
+    assert 0.03 < left("put the red cube and the blue cube on the gray board") < 0.07
 
 
 def test_what_is_kept_in_reserve_is_not_asked_for_while_something_else_does():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import os
 import random
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
@@ -149,11 +150,12 @@ class AgentsSuite(Suite[AgentsBench, SequenceUnit]):
 
 
 def _digest_of(task: AgentTask) -> str:
-    """The task's files, by content: a changed test is another task."""
+    """The task's files, by content, and its links by their targets: a changed test is another task."""
     digest = hashlib.sha256()
-    for file in sorted(path for path in task.folder.rglob("*") if path.is_file()):
-        digest.update(str(file.relative_to(task.folder)).encode() + b"\0")
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    for file in sorted(path for path in task.folder.rglob("*") if path.is_symlink() or path.is_file()):
+        content = os.fsencode(file.readlink()) if file.is_symlink() else file.read_bytes()
+        digest.update(os.fsencode(file.relative_to(task.folder)) + b"\0")
+        digest.update(hashlib.sha256(content).digest())
     return digest.hexdigest()
 
 

@@ -99,8 +99,8 @@ class School:
         if gaps:
             raise Gvla2Error(
                 f"{len(gaps)} of {len(explored)} explored episodes could not be measured "
-                f"({', '.join(dict.fromkeys(gaps))}): no answer in time, or no language model. Finished measurements "
-                "are kept; run again, or with a longer planner_timeout=SECONDS."
+                f"({', '.join(dict.fromkeys(gaps))}): not set up, no answer in time, or no language "
+                "model. Finished measurements are kept; run again, or with a longer planner_timeout=SECONDS."
             )
         for unit, cell in explored:
             found = STORIES.validate_python(cell.notes.get("stories") or ())

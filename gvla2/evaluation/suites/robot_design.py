@@ -57,6 +57,7 @@ SETTING = (
     "depth_noise",
     "scale",
     "world",
+    "second_tries",
     "replan",
 )
 """Factors that rows must share to be compared; tables leave out those with the usual value."""
@@ -200,7 +201,13 @@ def _around(
 ) -> dict[str, tuple[Any, ...]]:
     """What all episodes of a row share that could change their outcome, by the row's name."""
     asking = ASKING_CODE if _model(config, registry) else ()
-    shared = (asdict(config.depth_noise), asdict(config.branch), config.replan, versions())
+    shared = (
+        asdict(config.depth_noise),
+        asdict(config.branch),
+        config.second_tries,
+        config.replan,
+        versions(),
+    )
     found = {}
     for subject, task in rows.items():
         kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" or OWN_TASK not in task["name"]]
@@ -264,6 +271,7 @@ def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:
         "world": config.world if config.world == LEARNABLE else "",
         "components": ", ".join(components),
         "replan": config.replan,
+        "second_tries": "" if config.second_tries == RobotBench.second_tries else str(config.second_tries),
     }
     return {
         **{kind: described(getattr(config, kind)) for kind in ("robot", "perceiver", "verifier")},

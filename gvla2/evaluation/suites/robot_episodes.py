@@ -134,6 +134,7 @@ def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, floa
     request = EpisodeRequest(
         seed=unit.layout,
         source=f"{unit.subject}-{arm.name}-{unit.layout}",
+        second_tries=0 if arm.name == EXPLORED else config.second_tries,
         replan=config.replan if arm.replan is None else arm.replan,
         depth_noise=config.depth_noise,
         planner_timeout=config.planner_timeout,
@@ -233,6 +234,7 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
         "instruction": record.instruction,
         "skill": plan.skill if plan else "",
         "fallback": fallbacks[0] if fallbacks else "",
+        "second_tries": record.second_tries,
         "language": {purpose: dict(tally) for purpose, tally in record.language.items()},
         "verdict": record.verdict.outcome if record.verdict else "",
         "recalled": [item.id for item in recalled.items] if recalled else [],

@@ -96,9 +96,12 @@ def _of_setting(
         whole = {name: some for name, some in groups.items() if set(some) <= set(suites)}
         whole = whole or {"all suites": suites}
         sheets.append(_by_suite(columns, suites, whole, published, f"{title}: success by suite"))
-    # A robot's own task has one success check: both profiles are the same.
-    profiles = PROFILES if any("/" not in task for task in tasks) else PROFILES[:1]
-    sheets += [_success(columns, tasks, one, f"{title}: success, {one}") for one in profiles]
+    if all(
+        "/" in task for task in tasks
+    ):  # a robot's own task has one success check: both profiles are the same
+        sheets.append(_success(columns, tasks, PROFILES[0], f"{title}: success"))
+    else:
+        sheets += [_success(columns, tasks, one, f"{title}: success, {one}") for one in PROFILES]
     for found in grouped(cells, *PLANNER).values():
         if len(grouped(found, "arm")) > 1:
             sheets.append(_effects(found, f"{_title(found, (*SETTING, *PLANNER))}: what memory adds"))
@@ -185,12 +188,21 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
         lines["calls an episode"] = lambda some: f"{_average(some, 'calls') or 0:.1f}"
         lines["prompt + answer tokens an episode"] = _tokens
         lines["answers from the cache"] = lambda some: f"{sum(measured(some, 'cached')):.0f}"
+    lines["second tries"] = _second_tries
     lines["episodes with the fallback"] = lambda some: str(sum(bool(c.notes.get("fallback")) for c in some))
     lines["not measured"] = lambda some: str(sum(not _counts(cell) for cell in some))
     lines["episodes"] = lambda some: str(sum(map(_counts, some)))
     rows += [_line(label, text, found) for label, text in lines.items()]
     filled = [row for row in rows if any(cell.lines not in (("0",), ("",)) for cell in row.cells)]
     return Sheet(title, tuple(columns), tuple(filled), "", (), SUCCESS)
+
+
+def _second_tries(cells: Sequence[Cell]) -> str:
+    """In how many episodes something was tried again, and how many of those reached the goal; "" for none."""
+    again = [
+        bool(cell.measures["success"]) for cell in cells if _counts(cell) and cell.notes.get("second_tries")
+    ]
+    return f"{sum(again)} of {len(again)} won" if again else ""
 
 
 def _rate(cells: Sequence[Cell], sure: int) -> SheetCell:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, RobotError, SimulationError, did_you_mean
 from gvla2.geometry.views import Observation, View, Viewpoint, Views
@@ -27,7 +28,7 @@ JUDGE_STEPS = 100
 """Steps, within those that the world allows, that the arm holds still before a task counts as failed: what was let go
 must come to rest, and LIBERO's objects fall slowly."""
 PAUSE, PAUSES = 2, 20
-"""Steps between two pictures that are compared, and how often they are at most."""
+"""Steps between two depth maps that are compared, and how often they are at most."""
 MOVED, FEW = 0.001, 0.001
 """Metres of depth by which a pixel shows motion, and the share of pixels that may."""
 
@@ -44,7 +45,7 @@ class MujocoArm:
 
     def __init__(self, config: MujocoConfig, tasks: Mapping[str, str], load: Callable[[str], World]) -> None:
         self._config, self._tasks, self._world_of = config, tasks, load
-        self._task: str | None = None
+        self._task: Task | str | None = None
         self._world: World | None = None
         self._made: UrdfArm | None = None
         self._driver: WorldDriver | None = None
@@ -64,32 +65,24 @@ class MujocoArm:
 
     def reset(self, task: Task | str | None, seed: int, instruction: str | None = None) -> TaskInstance:
         """The task's world in the initial state ``seed``, the arm at home."""
-        if not isinstance(task, str | None):
-            raise ConfigurationError(
-                f"robot={self._config.name} has a world and tasks of its own: "
-                f"`gvla2 tasks robot={self._config.name}` lists them."
-            )
         if self._world is None or task != self._task:
             self._load(task)
-        assert self._world is not None
-        world = self._world
+        world, made = self._world, self._made
+        assert world is not None
+        assert made is not None
         world.begin(seed)
-        assert self._made is not None
-        self._driver = WorldDriver(world, self._made.gap, self._made.arm.hand.max_width)
-        if self._eyes is None:
-            self._eyes = ModelEyes(world.model, world.data, self._config.cameras, world.groups)
+        self._driver = WorldDriver(world, made.gap, made.arm.hand.max_width)
         return TaskInstance(instruction or world.instruction, goal=world.goal)
 
-    def _load(self, task: str | None) -> None:
+    def _load(self, task: Task | str | None) -> None:
         self.close()
-        there = self.tasks()
-        unknown = task not in there if there else task is not None
-        if unknown:
+        there, asked = self.tasks(), task if isinstance(task, str) else ""
+        if asked not in there if there else task is not None:
             raise ConfigurationError(
-                f"robot={self._config.name} has no task '{task or 'none'}'.{did_you_mean(task or '', there)} "
-                f"`gvla2 tasks robot={self._config.name}` lists those that it has."
+                f"robot={self._config.name} has a world and tasks of its own, but none called '{asked or 'none'}'."
+                f"{did_you_mean(asked, there)} `gvla2 tasks robot={self._config.name}` lists them."
             )
-        world = self._world_of(task or "")
+        world = self._world_of(asked)
         world.begin(0)  # an environment's first reset differs from all later ones in the fourth digit
         base = world.data.body(world.names.base)
         home = [float(world.data.joint(name).qpos[0]) for name in world.names.joints]
@@ -107,6 +100,7 @@ class MujocoArm:
                 workspace_high=world.workspace.high.tolist(),
             )
         )
+        self._eyes = ModelEyes(world.model, world.data, self._config.cameras, world.groups)
         self._world, self._task = world, task
 
     def observe(self) -> Observation:
@@ -115,14 +109,10 @@ class MujocoArm:
         The first look waits until the cameras see nothing move: initial states may have objects that still fall.
         """
         driver, eyes, made = self._ready("observed")
-        size, first = self._config.image_size, driver.world.steps == 0
+        size = self._config.image_size
+        if driver.world.steps == 0:
+            self._wait_until_still(driver, eyes)
         looks = [eyes.view(name, size) for name in eyes.cameras]
-        for _ in range(PAUSES if first else 0):
-            before = looks
-            driver.hold(PAUSE)
-            looks = [eyes.view(name, size) for name in eyes.cameras]
-            if not any(_differ(one, other) for one, other in zip(before, looks, strict=True)):
-                break
         joints, width = driver.joints, driver.width
         views = made.mask(looks, joints, width)
         opening = float(np.clip(width / made.arm.hand.max_width, 0.0, 1.0))
@@ -136,6 +126,17 @@ class MujocoArm:
             self._finer(eyes) if self._config.picture_size > size else None,
             viewpoint,
         )
+
+    def _wait_until_still(self, driver: WorldDriver, eyes: ModelEyes) -> None:
+        """Hold the arm until no camera sees a change of depth."""
+        size = self._config.image_size
+        now = [eyes.depth(name, size) for name in eyes.cameras]
+        for _ in range(PAUSES):
+            before = now
+            driver.hold(PAUSE)
+            now = [eyes.depth(name, size) for name in eyes.cameras]
+            if not any(_differ(one, other) for one, other in zip(before, now, strict=True)):
+                break
 
     def _finer(self, eyes: ModelEyes) -> Callable[[str], View]:
         """A function that takes a camera's picture of this moment with more pixels, for as long as nothing moves."""
@@ -174,6 +175,11 @@ class MujocoArm:
         done = world.succeeded()
         return None if done is None else SuccessCheck(done, done)
 
+    def seconds_left(self) -> float:
+        """Simulated seconds that the world still allows, infinite without a limit."""
+        world = self._ready("timed")[0].world
+        return (world.max_steps - world.steps) / world.rate if world.max_steps > 0 else np.inf
+
     def true_state(self) -> WorldState:
         """Raises :class:`ConfigurationError`: there is no scripted demonstration that would read it."""
         raise ConfigurationError(f"The tasks of robot={self._config.name} have no demonstrations.")
@@ -199,8 +205,6 @@ class MujocoArm:
         return self._driver, self._eyes, self._made
 
 
-def _differ(one: View, other: View) -> bool:
-    """Whether something moved between two pictures of a camera."""
-    assert one.depth is not None
-    assert other.depth is not None
-    return bool((np.abs(one.depth - other.depth) > MOVED).mean() > FEW)
+def _differ(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    """Whether something moved between two depth maps (H, W) of a camera, metres."""
+    return bool((np.abs(one - other) > MOVED).mean() > FEW)

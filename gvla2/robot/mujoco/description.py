@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import RobotError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import write_mesh
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_whole
 
@@ -54,36 +54,37 @@ def robot_bodies(model: Any, base: str) -> list[int]:
 def write_urdf(model: Any, names: ArmNames, speed: float) -> Path:
     """A URDF of the arm with its hand, in the cache; ``speed`` is the limit of its joints, rad/s.
 
-    Links are the model's bodies in their own frames. What collides becomes collision, the rest of the drawn geometry
-    visual. Raises :class:`RobotError` for joints that a URDF cannot have.
+    Links are the bodies that move or that ``names`` has, with what is fixed to them. What collides becomes collision,
+    the rest of the drawn geometry visual. Raises :class:`RobotError` for joints that a URDF cannot have.
     """
+    import mujoco
+
     names.check(model)
+    data = mujoco.MjData(model)
+    for name in (*names.joints, *names.fingers):
+        data.joint(name).qpos[0] = 0.0
+    mujoco.mj_kinematics(model, data)
     robot = ET.Element("robot", name=names.base)
-    moving = {*names.joints, *names.fingers}
-    kept = {int(model.body(name).id) for name in (names.base, names.tool)}
-    # By body: the body whose link it is part of, and link_from_body (4, 4).
-    place: dict[int, tuple[int, FloatArray]] = {}
-    links: dict[int, ET.Element] = {}
+    links: dict[int, tuple[ET.Element, FloatArray]] = {}  # by body: its link, and world_from_link (4, 4)
     for body in robot_bodies(model, names.base):
-        joint = _joint_of(model, body)
-        parent, link_from_parent = place.get(int(model.body_parentid[body]), (body, np.eye(4)))
-        link_from_body = link_from_parent @ rigid(
-            _rotation(model.body_quat[body]).as_matrix(), model.body_pos[body]
-        )
-        if joint is not None or body in kept:
-            # A URDF's joint goes through its link's origin: the link's frame lies there.
-            origin = np.zeros(3) if joint is None else np.array(joint.pos)
-            links[body] = ET.SubElement(robot, "link", name=_name(model, body))
-            if parent != body:
-                at = link_from_body @ rigid(translation=origin)
-                own = joint if joint and joint.name in moving else None
-                _link(robot, model, (parent, body), at, own, speed)
-            place[body] = body, rigid(translation=-origin)
-        else:  # a body that is fixed to another is a part of its link
-            place[body] = parent, link_from_body
-        link, pose = place[body]
+        joint, name = _joint_of(model, body), model.body(body).name or f"body{body}"
+        parent = links.get(int(model.body_parentid[body]))
+        if parent is not None and joint is None and name != names.tool:
+            links[body] = parent
+        else:
+            # A URDF's joint goes through its link's origin.
+            turn = data.xmat[body].reshape(3, 3)
+            pose = rigid(turn, data.xpos[body] + (0.0 if joint is None else turn @ joint.pos))
+            link = ET.SubElement(robot, "link", name=name)
+            links[body] = link, pose
+            if parent is not None:
+                ends, at = (parent[0].get("name", ""), name), invert_rigid(parent[1]) @ pose
+                own = joint if joint and joint.name in (*names.joints, *names.fingers) else None
+                _link(robot, ends, at, own, speed)
+        link, world_from_link = links[body]
         for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
-            _add_geometry(links[link], model, geom, pose)
+            world_from_geom = rigid(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
+            _add_geometry(link, model, geom, invert_rigid(world_from_link) @ world_from_geom)
     text = ET.tostring(robot)
     path = cache_folder() / "mjcf" / f"{hashlib.sha256(text).hexdigest()[:32]}.urdf"
     if not path.is_file():
@@ -124,13 +125,10 @@ def add_joint(
         ET.SubElement(element, "limit", lower=str(low), upper=str(high), velocity=str(speed), effort="100")
 
 
-def _link(
-    robot: ET.Element, model: Any, ends: tuple[int, int], pose: FloatArray, joint: Any, speed: float
-) -> None:
-    """The joint of the model between two bodies' links; None for a fixed one."""
-    names = _name(model, ends[0]), _name(model, ends[1])
+def _link(robot: ET.Element, ends: tuple[str, str], pose: FloatArray, joint: Any, speed: float) -> None:
+    """The joint of the model between two links; None for a fixed one."""
     if joint is None:
-        add_joint(robot, f"{names[1]}_mount", "fixed", names, pose)
+        add_joint(robot, f"{ends[1]}_mount", "fixed", ends, pose)
         return
     low, high = joint.range
     if not low < high:
@@ -138,10 +136,10 @@ def _link(
     kind, axis = {2: "prismatic", 3: "revolute"}[int(joint.type[0])], joint.axis
     if kind == "prismatic" and -low > high:  # two fingers may open by opposite signs: here both open upwards
         low, high, axis = -high, -low, -axis
-    add_joint(robot, joint.name, kind, names, pose, axis, (low, high), speed)
+    add_joint(robot, joint.name, kind, ends, pose, axis, (low, high), speed)
 
 
-def _add_geometry(link: ET.Element, model: Any, geom: int, link_from_body: FloatArray) -> None:
+def _add_geometry(link: ET.Element, model: Any, geom: int, link_from_geom: FloatArray) -> None:
     import mujoco
 
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
@@ -159,40 +157,30 @@ def _add_geometry(link: ET.Element, model: Any, geom: int, link_from_body: Float
         return
     collides = model.geom_contype[geom] or model.geom_conaffinity[geom]
     solid = ET.SubElement(link, "collision" if collides else "visual")
-    body_from_geom = rigid(_rotation(model.geom_quat[geom]).as_matrix(), model.geom_pos[geom])
-    ET.SubElement(solid, "origin", _origin(link_from_body @ body_from_geom))
+    ET.SubElement(solid, "origin", _origin(link_from_geom))
     ET.SubElement(solid, "geometry").append(shape)
 
 
 def mesh_file(model: Any, mesh: int) -> Path:
     """A mesh of the model, as compiled, as an OBJ file in the cache."""
-    vertices, faces = mesh_of(model, mesh)
-    digest = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()[:32]
+    made = mesh_of(model, mesh)
+    digest = hashlib.sha256(made.vertices.tobytes() + made.faces.tobytes()).hexdigest()[:32]
     path = cache_folder() / "mjcf" / f"{digest}.obj"
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_mesh(path, TriangleMesh(vertices, faces))
+        write_mesh(path, made)
     return path
 
 
-def mesh_of(model: Any, mesh: int) -> tuple[FloatArray, Any]:
-    """Vertices (V, 3), metres in the geom's frame, and faces (F, 3) of a mesh of the model."""
+def mesh_of(model: Any, mesh: int) -> TriangleMesh:
+    """A mesh of the model, metres in the geom's frame."""
     first, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
-    vertices = np.asarray(model.mesh_vert[first : first + model.mesh_vertnum[mesh]], dtype=np.float64)
-    faces = np.asarray(model.mesh_face[face : face + model.mesh_facenum[mesh]], dtype=np.int64)
-    return vertices, faces
-
-
-def _rotation(quaternion: Any) -> Rotation:
-    return Rotation.from_quat(np.asarray(quaternion)[[1, 2, 3, 0]])
+    vertices = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+    return TriangleMesh(vertices, model.mesh_face[face : face + model.mesh_facenum[mesh]])
 
 
 def _origin(pose: FloatArray) -> dict[str, str]:
     return {"xyz": _text(pose[:3, 3]), "rpy": _text(Rotation.from_matrix(pose[:3, :3]).as_euler("xyz"))}
-
-
-def _name(model: Any, body: int) -> str:
-    return model.body(body).name or f"body{body}"
 
 
 def _text(values: Any) -> str:

@@ -156,12 +156,12 @@ def _drawn_shape(model: Any, geom: int) -> tuple[Any, Any]:
     if kind != mjtGeom.mjGEOM_MESH:
         return primitives.get(kind, lambda: None)(), None
     mesh = int(model.geom_dataid[geom])
-    vertices, faces = mesh_of(model, mesh)
-    corners, uv = faces.ravel(), None
+    whole, uv = mesh_of(model, mesh), None
+    corners = whole.faces.ravel()
     if model.mesh_texcoordnum[mesh] > 0:
         face, at = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
-        indices = np.asarray(model.mesh_facetexcoord[face : face + len(faces)]).ravel()
+        indices = np.asarray(model.mesh_facetexcoord[face : face + len(whole.faces)]).ravel()
         # MuJoCo counts rows of a picture from above.
         uv = model.mesh_texcoord[at : at + model.mesh_texcoordnum[mesh]][indices] * [1, -1] + [0, 1]
     alone = np.arange(len(corners)).reshape(-1, 3)
-    return trimesh.Trimesh(vertices[corners], alone, process=False), uv
+    return trimesh.Trimesh(whole.vertices[corners], alone, process=False), uv

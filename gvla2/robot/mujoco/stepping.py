@@ -84,25 +84,18 @@ OPTIONS: Mapping[str, Any] = MappingProxyType(
 class EnvWorld:
     """A world (:class:`gvla2.robot.mujoco.world.World`) around an environment that was made with :data:`OPTIONS`.
 
-    A control step moves the command of its hand, from -1 (closed) to 1, by ``hand_stride``.
+    Of its options, ``stiffness`` is the joint controller's gain and ``max_steps`` ends an episode. A control step moves
+    the command of its hand, from -1 (closed) to 1, by ``hand_stride``. Derived worlds say what remains.
     """
 
+    instruction: str
+    goal: str
+    workspace: Box
+    table_height: float
     rate, groups = RATE, DRAWN
 
-    def __init__(
-        self,
-        env: Any,
-        *,
-        instruction: str,
-        goal: str,
-        workspace: Box,
-        table_height: float,
-        stiffness: float,
-        hand_stride: float,
-        max_steps: int,
-    ) -> None:
-        self.env, self.instruction, self.goal = env, instruction, goal
-        self.workspace, self.table_height, self.max_steps = workspace, table_height, max_steps
+    def __init__(self, env: Any, stiffness: float, max_steps: int, hand_stride: float) -> None:
+        self.env, self.max_steps = env, max_steps
         self.lag: float = 2.0 / np.sqrt(stiffness)  # of a critically damped joint
         self.steps, self._reached, self._sent = 0, False, 0.0
         self.model, self.data = env.sim.model._model, env.sim.data._data

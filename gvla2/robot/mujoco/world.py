@@ -64,6 +64,10 @@ FARTHEST = 5.0
 _GL = "apt install libegl1 libgl1-mesa-dri (MUJOCO_GL=egl), or apt install libosmesa6 (MUJOCO_GL=osmesa)"
 
 
+def _cannot_draw(error: Exception) -> MissingDependencyError:
+    return MissingDependencyError(f"an offscreen OpenGL ({error})", "A picture of a MuJoCo world", _GL)
+
+
 def import_mujoco() -> Any:
     """MuJoCo, drawing offscreen where there is no display.
 
@@ -74,12 +78,10 @@ def import_mujoco() -> Any:
         os.environ.setdefault("MUJOCO_GL", "egl")
     try:
         import mujoco
-    except ModuleNotFoundError as error:
-        if error.name != "mujoco":
-            raise MissingDependencyError("an offscreen OpenGL", "MuJoCo's cameras", _GL) from error
-        raise MissingDependencyError("mujoco", "A MuJoCo world", 'pip install "gvla2[mujoco]"') from error
-    except (ImportError, AttributeError, OSError) as error:  # PyOpenGL's, without the system's library
-        raise MissingDependencyError("an offscreen OpenGL", "MuJoCo's cameras", _GL) from error
+    except (ImportError, AttributeError, OSError, RuntimeError) as error:  # PyOpenGL raises each of them
+        if getattr(error, "name", "") == "mujoco":
+            raise MissingDependencyError("mujoco", "A MuJoCo world", 'pip install "gvla2[mujoco]"') from error
+        raise _cannot_draw(error) from error
     if int(mujoco.__version__.partition(".")[0]) >= 4:
         raise ConfigurationError(
             f'MuJoCo {mujoco.__version__} is installed and the worlds need one below 4: pip install "mujoco<4"'
@@ -118,16 +120,19 @@ class ModelEyes:
 
     def view(self, name: str, size: int) -> View:
         """The picture with depth, metres, NaN beyond 5 m; the robot is not marked."""
-        image, renderer = self.picture(name, size), self._renderer(size)
+        return View(self.camera(name, size), self.picture(name, size), self.depth(name, size))
+
+    def depth(self, name: str, size: int) -> NDArray[np.float32]:
+        """(H, W) metres, NaN beyond 5 m; takes a fraction of a picture's time."""
+        renderer = self._prepared(self.data, name, size, shadows=False)
         renderer.enable_depth_rendering()
         depth = renderer.render()
         renderer.disable_depth_rendering()
-        measured = np.where(depth < FARTHEST, depth, np.float32(np.nan))
-        return View(self.camera(name, size), image, measured)
+        return np.where(depth < FARTHEST, depth, np.float32(np.nan))
 
     def picture(self, name: str, size: int) -> NDArray[np.uint8]:
         """(H, W, 3) what the camera sees."""
-        return self._drawn(self.data, name, size, shadows=True)
+        return np.asarray(self._prepared(self.data, name, size, shadows=True).render())
 
     def draw_later(self, name: str, size: int) -> Callable[[], NDArray[np.uint8]]:
         """A function that draws what the camera sees now, without shadows, until the world's next reset."""
@@ -138,17 +143,17 @@ class ModelEyes:
         def draw() -> NDArray[np.uint8]:
             mujoco.mj_setState(self.model, self._shown, state, whole)
             mujoco.mj_forward(self.model, self._shown)
-            return self._drawn(self._shown, name, size, shadows=False)
+            return np.asarray(self._prepared(self._shown, name, size, shadows=False).render())
 
         return draw
 
-    def _drawn(self, data: Any, name: str, size: int, shadows: bool) -> NDArray[np.uint8]:
-        """(H, W, 3); ``shadows`` cost most of the time."""
+    def _prepared(self, data: Any, name: str, size: int, shadows: bool) -> Any:
+        """The renderer with the scene of ``data``; ``shadows`` cost most of the time."""
         renderer, flags = self._renderer(size), self._mujoco.mjtRndFlag
         renderer.update_scene(data, name, self._option)
         for flag in (flags.mjRND_SHADOW, flags.mjRND_REFLECTION):
             renderer.scene.flags[flag] = shadows
-        return np.asarray(renderer.render())
+        return renderer
 
     def _renderer(self, size: int) -> Any:
         if size not in self._renderers:
@@ -157,8 +162,7 @@ class ModelEyes:
             try:
                 self._renderers[size] = self._mujoco.Renderer(self.model, size, size)
             except Exception as error:  # each of EGL, OSMesa and GLFW raises its own
-                what = f"an offscreen OpenGL ({error})"
-                raise MissingDependencyError(what, "MuJoCo's cameras", _GL) from error
+                raise _cannot_draw(error) from error
             atexit.register(self.close)  # before the display itself ends, which it does at exit, too
         return self._renderers[size]
 

@@ -75,6 +75,15 @@ def test_cached_answers_fallbacks_and_uncounted_tokens_are_no_savings():
     assert text(relaxed, "open_jar", "agent3d") == ("not measured",)
 
 
+def test_episodes_with_second_tries_are_counted_with_their_successes():
+    tried = [cell("skill", "put_block", place, place == 0, second_tries=1) for place in (0, 1, 2)]
+    relaxed = robot_sheets(
+        [*tried, cell("skill", "put_block", 3, True), cell("agent3d", "put_block", 0, True)]
+    )[0]
+    assert text(relaxed, "second tries", "skill") == ("1 of 3 won",)
+    assert "second tries" not in {row.label for row in robot_sheets(BOTH)[0].rows}
+
+
 def test_models_and_arms_are_columns_of_their_own():
     by_two = [*BOTH, cell("agent3d", "lamp_on", 0, True, model="large")]
     assert robot_sheets(by_two)[0].headings == ("skill", "agent3d by small", "agent3d by large")

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
-from gvla2.errors import SimulationError
+from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.array_cache import cache_folder
 from gvla2.io.files import write_whole
-from gvla2.robot.scan import Scan
 
 VERSION = 3
 """Version of the decomposition: changes whenever its pieces would."""
@@ -36,13 +37,22 @@ THINNEST = 1e-3
 log = logging.getLogger(__name__)
 
 
-def piece_file(scan: Scan) -> Path:
+@lru_cache(maxsize=64)
+def convex_pieces(path: str, scale: float) -> tuple[FloatArray, ...]:
+    """Corners (N, 3) of the convex pieces of a mesh's file, in its frame, multiplied by ``scale``.
+
+    Raises :class:`GeometryError` for a file that is no mesh or has no solid.
+    """
+    pieces = trimesh.load_mesh(piece_file(read_mesh(path))).split()
+    return tuple(scale * np.asarray(piece.vertices, dtype=np.float64) for piece in pieces)
+
+
+def piece_file(mesh: TriangleMesh) -> Path:
     """The OBJ file of a mesh's convex pieces, one group each, their triangles wound outwards.
 
-    From the cache or made now (up to half a minute for an open vessel). Raises :class:`SimulationError` for a mesh of
-    no solid at all.
+    From the cache or made now (up to half a minute for an open vessel). Raises :class:`GeometryError` for a mesh of no
+    solid at all.
     """
-    mesh = scan.textured.mesh
     digest = hashlib.sha256(f"{VERSION} {THRESHOLD} {MOST_PIECES} {MOST_CORNERS}".encode())
     digest.update(np.round(mesh.vertices, 7).tobytes() + mesh.faces.tobytes())
     path = cache_folder() / "collision" / f"{digest.hexdigest()[:32]}.obj"
@@ -109,4 +119,4 @@ def _hull_of(points: FloatArray) -> FloatArray:
     try:
         return np.asarray(sides[ConvexHull(sides).vertices])
     except QhullError as error:
-        raise SimulationError("A mesh without any extent cannot lie on a table.") from error
+        raise GeometryError("A mesh without any extent has no solid.") from error
