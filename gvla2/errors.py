@@ -92,7 +92,8 @@ def reading(
         reason, where = str(error), os.fspath(path)
         own = isinstance(error, Gvla2Error)
         if isinstance(error, OSError) and error.strerror:
-            reason = error.strerror
+            other = error.filename is not None and os.fspath(error.filename) != where
+            reason = f"{error.strerror}: {error.filename}" if other else error.strerror
         elif isinstance(error, KeyError):
             reason = f"it lacks {reason}"
         elif not own:

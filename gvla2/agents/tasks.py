@@ -12,7 +12,7 @@ from typing import Any
 
 from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Output
 from gvla2.agents.sandbox import BubblewrapSandbox
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, reading
 from gvla2.io.files import visible_files
 from gvla2.memory.admission import verdict_of
 from gvla2.memory.contracts import (
@@ -73,7 +73,7 @@ def read_task(folder: Path) -> AgentTask:
     for name in ("task.toml", "instruction.md"):
         if (folder / name).exists() and not (folder / name).is_file():  # reading a pipe would never end
             raise ConfigurationError(f"{folder / name} is not a file.")
-    try:
+    with reading("a task", folder, ConfigurationError):
         settings = tomllib.loads((folder / "task.toml").read_text(encoding="utf-8-sig"))
         instruction = (folder / "instruction.md").read_text(encoding="utf-8-sig").strip()
         limits = {
@@ -81,10 +81,8 @@ def read_task(folder: Path) -> AgentTask:
             for name, (section, key) in _LIMITS.items()
             if key in settings.get(section, {})
         }
-    except (OSError, ValueError, TypeError) as error:
-        raise ConfigurationError(f"The task {folder} cannot be read: {error}") from error
-    metadata = settings.get("metadata", {})
-    files = folder / str(metadata["files"]) if metadata.get("files") else None
+        metadata = dict(settings.get("metadata", {}))
+        files = folder / str(metadata["files"]) if metadata.get("files") else None
     problems = {
         "has no instruction": not instruction,
         f"has a limit that is not above 0: {limits}": not all(

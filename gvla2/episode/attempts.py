@@ -237,16 +237,31 @@ def should_try_again(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDA
     """Whether to try the same calls in another way: the hand surely missed its object, lost it, or did not put it where
     it belongs, and is empty now.
 
-    That the fingers closed on nothing is sure by itself; else the verifier must be sure.
+    That the fingers closed on nothing is sure by itself, unless the object fell where it was to be put; else the
+    verifier must be sure.
     """
     plan, report = record.plan, record.report
     if record.failure is None or plan is None or plan.trajectory is None or report is None:
         return False
     if record.after_scene is None or plan.trajectory.grips()[0] is None or _relative(plan, skills):
         return False
-    lost = report.abort is not None and report.abort.abort == "slipped"
+    lost = report.abort is not None and report.abort.abort == "slipped" and not _at_its_place(record)
     sure = lost or (record.verdict is not None and record.verdict.outcome == "verified_fail")
     return sure and hand_is_free(report) and bool(calls_left(record))
+
+
+def _at_its_place(record: EpisodeRecord) -> bool:
+    """Whether a carried object is seen about where it was to be let go of."""
+    done = record.executed
+    _, opens = done.trajectory.grips()
+    if opens is None or record.after_scene is None:
+        return False
+    wanted = done.trajectory.waypoints[opens]
+    later = correspond(done.scene, record.after_scene).get(wanted.carries)
+    if later is None:
+        return False
+    away = float(np.linalg.norm(later.centre[:2] - wanted.xyz[:2]))
+    return away < 0.5 * float(later.extents[:2].max())
 
 
 def least_seconds(record: EpisodeRecord) -> float:

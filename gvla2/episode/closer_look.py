@@ -23,9 +23,12 @@ AWAY = 0.15
 """Metres between the camera and the object: nearer ones are out of focus, or have no depth."""
 TURNS = np.radians(np.arange(-180, 180, 30))
 RISES = np.radians([25.0, 40.0, 55.0])
-"""Directions of a look: about the object, and above the level. From higher up the sides are not seen."""
-NEW = np.radians(30.0)
-"""Least angle between a look and the cameras that have seen the object."""
+"""Directions of a look: about the object, and above the level, the lowest first: they see most of a side."""
+NEW, BEST = np.radians(30.0), np.radians(120.0)
+"""Angles about the object between a look and the nearest camera that has seen it: the least, and the best one, since a
+picture shows a third of what is around something."""
+STEEP = 0.5
+"""Cosine of the angle above the level from which a camera sees the top of objects: 60 degrees."""
 HIDDEN = 0.005
 """A line of sight that is nearer to another object's box is blocked, metres."""
 
@@ -57,17 +60,16 @@ def closer_look(
     tcp_from_camera: FloatArray,
     seen_from: Sequence[FloatArray],
 ) -> Look | None:
-    """The look that the arm can reach and that differs most from the places (3,) where cameras were; None without one.
+    """The look in the arm's reach that shows most of what no camera at the places (3,) has seen; None without one.
 
     ``tcp_from_camera`` (4, 4) is the camera's place on the tool; the arm is as observed.
     """
     places = []
     for obj, turn, rise in product(wanted, TURNS, RISES):
-        way = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
-        known = [place - obj.centre for place in seen_from]
-        nearest = max(float(way @ each) / float(np.linalg.norm(each)) for each in known)
+        level = np.array([np.cos(turn), np.sin(turn), 0.0])
+        nearest = max((_level_cosine(level, place - obj.centre) for place in seen_from), default=-1.0)
         if nearest < np.cos(NEW):
-            places.append((nearest, obj, way))
+            places.append((abs(nearest - np.cos(BEST)), obj, np.cos(rise) * level + [0.0, 0.0, np.sin(rise)]))
     for _, obj, way in sorted(places, key=lambda each: each[0]):
         position = obj.centre + (0.5 * float(np.linalg.norm(obj.extents)) + AWAY) * way
         if not _hidden(obj, position, scene):
@@ -75,6 +77,15 @@ def closer_look(
             if pose is not None:
                 return Look(obj, _trajectory(pose, observation.gripper), position)
     return None
+
+
+def _level_cosine(level: FloatArray, line: FloatArray) -> float:
+    """Cosine of the angle, seen from above, between a level direction (3,) and a line of sight (3,) from an object.
+
+    A camera steeply above has seen none of its sides: -1.
+    """
+    away = float(np.linalg.norm(line[:2]))
+    return float(level @ line) / away if away > STEEP * float(np.linalg.norm(line)) else -1.0
 
 
 def _hidden(obj: SceneObject, position: FloatArray, scene: Scene) -> bool:

@@ -62,9 +62,11 @@ def difference(first: SceneObject, second: SceneObject) -> float:
     """Dissimilarity of two perceived objects: 0 for the same colour, size and label; above 1 for different objects.
 
     Of objects on which no common word was read, only those that look just alike are the same. Sizes may shrink in part,
-    because a hand hides some of what it holds. Of two known objects, or moving parts of some, the names decide.
+    because a hand hides some of what it holds. Of two known objects the names decide, as they do for a known object and
+    a cabinet or its drawer that the same gallery named.
     """
-    if all(obj.known is not None or obj.joint is not None for obj in (first, second)):
+    known = [obj.known is not None for obj in (first, second)]
+    if all(known) or (any(known) and first.named_by == second.named_by):
         return 0.0 if first.label == second.label else 2.0 * MAX_DIFFERENCE
     if (first.shape == "region") != (second.shape == "region"):
         return 2.0 * MAX_DIFFERENCE

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.episode.attempts import (
+    NO_MORE,
     back_off,
     cameras_moved,
     hand_is_free,
@@ -408,10 +409,14 @@ def _plan(
             break
         observation.pictured()  # the finer pictures of this moment must be taken before the arm moves
         stopped = components.robot.execute(look.trajectory, scene, _moving(listener)).abort
+        looks += 1
         if stopped is not None:
             note = f"No closer look at {look.object.id}: {stopped.message or stopped.abort}"
-            return replace(record, notes=(*record.notes, note))
-        looks += 1
+            record = replace(record, notes=(*record.notes, note))
+            if stopped.abort in (*NO_MORE, "expired"):
+                break
+            seen_from.append(look.position)
+            continue
         now = _look(components, request, 2 * _looks(record), looks)
         nearer = next(view for view in now.views if view.name == camera.name)
         scene = look_again(

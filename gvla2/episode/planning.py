@@ -204,8 +204,8 @@ def _tried(attempt: EpisodeRecord, signals: Sequence[Signal], record: EpisodeRec
         return []
     close, opens = plan.trajectory.grips()
     lost = any(signal.kind in ("slip", "missed_grasp") for signal in signals)
-    if close is None or (opens is None and not lost):
-        return []
+    if close is None or (opens is None and not lost and not record.second_try):
+        return []  # the grasp was not the reason
     now = present_ids(before, attempt.after_scene, after)
     poses = plan.trajectory.poses(attempt.seen.observation.world_from_tcp)
 

@@ -35,6 +35,8 @@ _GLTF = (".glb", ".gltf")
 _UNREADABLE = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"}
 _READ = {"KHR_draco_mesh_compression", "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual"}
 """Extensions of glTF that trimesh would misread, and those that may be required; of Draco it asks DracoPy."""
+_EXACT = {"TEXCOORD_0": "_UV", "COLOR_0": "_RGB"}
+"""Attributes of glTF, and the names under which trimesh keeps them as they are."""
 _TURNS: Mapping[str, FloatArray] = {
     "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -115,7 +117,8 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
     if not source.is_file():
         raise GeometryError("there is no such file.")
     content = source.read_bytes().removeprefix(codecs.BOM_UTF8)
-    resolver, moves, from_file = _BesideResolver(source), {}, np.eye(3)
+    resolver, from_file = _BesideResolver(source), np.eye(3)
+    moves: _Moves = {}
     if suffix == ".dae":
         content, from_file = _plain_collada(source, content, up)
     elif suffix in _GLTF:
@@ -123,8 +126,8 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
         from_file = _TURNS["Y_UP"]
     elif suffix == ".obj":
         content = _plain_obj(content, resolver)
-    elif suffix == ".ply":  # Blender's older names
-        content = re.sub(rb"(?m)^(property \w+ )diffuse_", rb"\1", content, count=3)
+    elif suffix == ".ply":
+        content = _plain_ply(content)
     kind = suffix.removeprefix(".")
     scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
     return scene, from_file, moves
@@ -189,6 +192,17 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
         text = plain + text
     resolver.materials = f"{library}\nnewmtl {_PLAIN}\nKd 1 1 1\n".encode()
     return f"mtllib {_MATERIALS}{text}".encode()
+
+
+def _plain_ply(content: bytes) -> bytes:
+    """A PLY file with the usual names of colours, and without texture coordinates where it names no picture."""
+    header, end, body = content.partition(b"end_header")
+    header = re.sub(rb"(?m)^(property \w+ )(?:diffuse_)(red|green|blue)\b", rb"\1\2", header)
+    for short, name in ((b"r", b"red"), (b"g", b"green"), (b"b", b"blue")):
+        header = re.sub(rb"(?m)^(property \w+ )" + short + rb"(\r?)$", rb"\1" + name + rb"\2", header)
+    if b"TextureFile" not in header:
+        header = re.sub(rb"(?m)^(property .*\b)([stuv]|texture_[uv]|texcoord)(\r?)$", rb"\1no_\2\3", header)
+    return header + end + body
 
 
 def _decoded(content: bytes) -> str:
@@ -269,7 +283,8 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
         raise GeometryError(f"it uses {', '.join(found)}, which is not read; export it without.")
     if any("sparse" in accessor for accessor in tree.get("accessors", ())):
         raise GeometryError("it has sparse accessors, which are not read; export it without.")
-    moves, sets = {}, {}
+    moves: dict[str, FloatArray] = {}
+    sets: dict[int, int] = {}
     for number, material in enumerate(tree.get("materials", ())):
         material["name"] = str(number)
         base = material.setdefault("pbrMetallicRoughness", {})
@@ -291,6 +306,15 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
             for attributes in filter(None, (primitive["attributes"], draco.get("attributes"))):
                 first = attributes.pop("TEXCOORD_0", None)
                 attributes["TEXCOORD_0"] = attributes.get(f"TEXCOORD_{wanted}", first)
+    for primitive in (p for mesh in tree.get("meshes", ()) for p in mesh["primitives"]):
+        for (
+            name,
+            own,
+        ) in _EXACT.items():  # trimesh takes integers for what they are, not for shares of their range
+            at = primitive["attributes"].get(name)
+            accessor = {} if at is None else tree["accessors"][at]
+            if accessor.get("normalized") and "bufferView" in accessor:
+                primitive["attributes"][own] = at
     text = json.dumps(tree).encode()
     if not binary:
         return text, moves
@@ -330,7 +354,7 @@ def _look(
             tint = np.ones(3)  # glTF's default
         elif flat and tint is None:
             tint = visual.material.main_color
-        painted = visual.vertex_attributes.get("color")
+        painted = part.vertex_attributes.get(_EXACT["COLOR_0"], visual.vertex_attributes.get("color"))
         if painted is None and visual.material.name == _PLAIN:
             tint = np.full(3, GREY)
         rgb = np.broadcast_to(np.ones(3) if tint is None else _unit(tint)[:3], (*faces.shape, 3))
@@ -338,6 +362,8 @@ def _look(
             rgb = rgb * _unit(painted)[:, :3][faces]
         if not flat:
             at = np.asarray(visual.uv, dtype=np.float64)[:, :2]
+            if (exact := part.vertex_attributes.get(_EXACT["TEXCOORD_0"])) is not None:
+                at = [0.0, 1.0] + [1.0, -1.0] * _unit(exact)
             if at.shape != (len(part.vertices), 2):
                 raise GeometryError("a texture coordinate has not two numbers.")
             if (move := uv_moves.get(str(visual.material.name))) is not None:
@@ -348,6 +374,8 @@ def _look(
     if visual.kind == "face":
         rgb = np.repeat(_unit(visual.face_colors)[:, None, :3], 3, axis=1)
         return uv, rgb.astype(np.float32), None
+    if (exact := part.vertex_attributes.get(_EXACT["COLOR_0"])) is not None:
+        return uv, _unit(exact)[:, :3].astype(np.float32)[faces], None
     if visual.kind == "vertex":
         return uv, _unit(visual.vertex_colors)[:, :3].astype(np.float32)[faces], None
     return uv, np.full((*faces.shape, 3), GREY, dtype=np.float32), None
@@ -359,6 +387,7 @@ def _image(material: Any) -> NDArray[np.uint8] | None:
 
 
 def _unit(colour: Any) -> FloatArray:
-    """Colours in [0, 1] from bytes or floats."""
+    """Colours or coordinates in [0, 1] from floats or unsigned integers."""
     array = np.asarray(colour)
-    return array / 255.0 if array.dtype == np.uint8 else np.clip(array.astype(np.float64), 0, 1)
+    full = np.iinfo(array.dtype).max if array.dtype.kind == "u" else 1.0
+    return np.clip(array / full, 0.0, 1.0)

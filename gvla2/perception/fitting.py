@@ -16,7 +16,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.compiled import compiled
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import View
-from gvla2.perception.nearest import NearestPoints, closest_points, distance, nearest_index
+from gvla2.perception.nearest import NearestPoints, closest_points, explained_share
 from gvla2.perception.scans import TRUNCATED, TURNS, KnownScan
 from gvla2.planning.colours import appearance
 
@@ -238,7 +238,7 @@ def _sighted(
             away += towards * towards
         if facing <= 0.25 * np.sqrt(away):
             continue
-        u, v, ahead = pixel(lens, point[0], point[1], point[2])
+        u, v, ahead = _pixel(lens, point[0], point[1], point[2])
         if not (0.0 <= u < depth.shape[1] and 0.0 <= v < depth.shape[0]):
             continue
         before = depth[int(v), int(u)] - ahead  # NaN compares false: unknown says nothing
@@ -251,7 +251,7 @@ def _sighted(
 
 
 @compiled
-def pixel(lens: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _pixel(lens: FloatArray, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Where a :attr:`Sight.lens` has a point, in pixels (NaN behind the camera), and the point's depth, metres."""
     u = lens[0, 0] * x + lens[0, 1] * y + lens[0, 2] * z + lens[0, 3]
     v = lens[1, 0] * x + lens[1, 1] * y + lens[1, 2] * z + lens[1, 3]
@@ -260,12 +260,36 @@ def pixel(lens: FloatArray, x: float, y: float, z: float) -> tuple[float, float,
     return (u / w, v / w, ahead) if ahead > 0.0 else (np.nan, np.nan, ahead)
 
 
+@compiled
+def mark_free(
+    state: NDArray[np.float32],
+    low: FloatArray,
+    cell: float,
+    lens: FloatArray,
+    depth: FloatArray,
+    behind: float,
+) -> None:
+    """Set those of the cells (H, R, C) from ``low`` (3,) on to -1 where a camera measured something more than
+    ``behind`` metres behind their middles.
+    """
+    levels, rows, columns = state.shape
+    for level in range(levels):
+        z = low[2] + cell * (level + 0.5)
+        for row in range(rows):
+            x = low[0] + cell * (row + 0.5)
+            for column in range(columns):
+                u, v, ahead = _pixel(lens, x, low[1] + cell * (column + 0.5), z)
+                inside = 0.0 <= u < depth.shape[1] and 0.0 <= v < depth.shape[0]
+                if inside and depth[int(v), int(u)] > ahead + behind:
+                    state[level, row, column] = -1.0
+
+
 def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
     """How well a placed scan explains what all cameras measured."""
     points, nearest = seen.points[:: max(1, len(seen.points) // 700)], scan.nearest
     local = np.ascontiguousarray(transform_points(invert_rigid(pose), points))
-    gap, residual, explained = _explained(
-        local, scan.points, scan.normals, nearest.table, nearest.low, nearest.cell
+    gap, residual, explained = explained_share(
+        local, scan.points, scan.normals, nearest.table, nearest.low, nearest.cell, TRUNCATED
     )
     some = slice(None, None, max(2, len(scan.points) // JUDGED))
     samples, looks = scan.points[some], np.ascontiguousarray(scan.looks[some])
@@ -287,34 +311,6 @@ def judged(scan: KnownScan, seen: SeenPoints, pose: FloatArray) -> Fit:
         through=through / max(1, through + shown) + sunk,
         colour=off / compared if compared else 100.0,
     )
-
-
-@compiled
-def _explained(
-    points: FloatArray,
-    samples: FloatArray,
-    normals: FloatArray,
-    table: NDArray[np.int32],
-    low: FloatArray,
-    cell: float,
-) -> tuple[float, float, float]:
-    """Of points (N, 3), the mean truncated and the median distance, metres, from the surface of which these are
-    samples, and the share that lies on it.
-    """
-    off, total, on_it = np.empty(len(points)), 0.0, 0
-    for n in range(len(points)):
-        near = nearest_index(points[n], table, low, cell)
-        off[n] = distance(points[n], samples[near])
-        if off[n] < 0.01:
-            # Samples lie some millimetres apart: the distance to the plane at the nearest is that to the surface.
-            flat = 0.0
-            for k in range(3):
-                flat += (points[n, k] - samples[near, k]) * normals[near, k]
-            off[n] = max(abs(flat), off[n] - 0.004)
-        total += min(off[n], TRUNCATED)
-        if off[n] < 0.006:
-            on_it += 1
-    return total / len(points), float(np.median(off)), on_it / len(points)
 
 
 @compiled

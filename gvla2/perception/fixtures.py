@@ -21,7 +21,7 @@ from gvla2.perception.fitting import (
     SeenPoints,
     Sights,
     judged,
-    pixel,
+    mark_free,
     refined,
     visible,
 )
@@ -119,24 +119,9 @@ def seen_grid(points: FloatArray, sights: Sights, table: float) -> SeenGrid | No
     size = (int(cells[:, 2].max()) + 2, rows, columns)
     state = np.zeros(size, dtype=np.float32)
     for sight in sights:
-        _mark_free(state, low, sight.lens, sight.depth)
+        mark_free(state, low, CELL, sight.lens, sight.depth, BEHIND)
     state[cells[:, 2], cells[:, 0], cells[:, 1]] = 1.0
     return SeenGrid(spread(points), low, (rows, columns), fft.rfft2(state))
-
-
-@compiled
-def _mark_free(state: NDArray[np.float32], low: FloatArray, lens: FloatArray, depth: FloatArray) -> None:
-    """Set those of the cells (H, R, C) to -1 through whose middles a camera looked."""
-    levels, rows, columns = state.shape
-    for level in range(levels):
-        z = low[2] + CELL * (level + 0.5)
-        for row in range(rows):
-            x = low[0] + CELL * (row + 0.5)
-            for column in range(columns):
-                u, v, ahead = pixel(lens, x, low[1] + CELL * (column + 0.5), z)
-                inside = 0.0 <= u < depth.shape[1] and 0.0 <= v < depth.shape[0]
-                if inside and depth[int(v), int(u)] > ahead + BEHIND:
-                    state[level, row, column] = -1.0
 
 
 def spread(points: FloatArray) -> FloatArray:

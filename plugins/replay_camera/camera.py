@@ -78,7 +78,7 @@ class FrameFolder:
                 f"{folder / CAMERA}: depth_scale is {self._scale!r}; it is metres per unit: 0.001."
             )
         numbers = {path.name.partition(".")[0] for path in folder.glob("[0-9]*.*")}
-        self.frames = [_pair(folder, number) for number in sorted(numbers, key=int)]
+        self.frames = [_pair(folder, number) for number in sorted(filter(str.isdecimal, numbers), key=int)]
         if not self.frames:
             raise RobotError(f"{folder} holds no frames: there is no 000.rgb.png with 000.depth.png or .npy.")
         for index in range(len(self.frames)):

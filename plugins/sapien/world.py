@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gvla2.errors import SimulationError
+from gvla2.errors import RobotError, SimulationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.robot.task import Layout
 from gvla2.robot.workcell import Workcell
@@ -19,6 +20,9 @@ from gvla2_plugins.sapien.bodies import PREFIX, Caught, Screwed, build_bodies, i
 
 PATCH_RADIUS = 0.1
 """Of the fingers' contact patches, metres: gives a point contact the resistance to turning of a soft pad."""
+
+GROUPS = 32
+"""Bits with which the engine marks links whose contacts it ignores."""
 
 
 def load_robot(scene: Any, cell: Workcell, friction: float) -> Any:
@@ -29,16 +33,42 @@ def load_robot(scene: Any, cell: Workcell, friction: float) -> Any:
         loader.set_link_material(finger, friction, friction, 0.0)
         loader.set_link_patch_radius(finger, PATCH_RADIUS)
         loader.set_link_min_patch_radius(finger, PATCH_RADIUS)
-    close = sorted(sorted(pair) for pair in cell.arm.collisions.overlapping if len(pair) == 2)
-    off = (f'<disable_collisions link1="{a}" link2="{b}" reason="Default"/>' for a, b in close)
     with tempfile.TemporaryDirectory() as folder:
         bare = Path(folder) / "robot.urdf"
-        bare.write_text(cell.urdf)
-        bare.with_suffix(".srdf").write_text(f"<robot>{''.join(off)}</robot>")
+        bare.write_text(cell.urdf, "utf-8")
         robot = loader.load(str(bare))
+    groups = ignoring_groups(cell.arm.collisions.overlapping)
     for link in robot.links:
         link.disable_gravity = True  # a real arm's controller compensates gravity too
+        for shape in link.collision_shapes:
+            first, second, ignored, last = shape.get_collision_groups()
+            shape.set_collision_groups([first, second, ignored | groups.get(link.name, 0), last])
     return robot
+
+
+def ignoring_groups(pairs: Collection[frozenset[str]]) -> dict[str, int]:
+    """The bits of each link such that just the ``pairs`` share one: the engine ignores contacts between these.
+
+    A bit serves a whole set of links that may all touch one another, since there are only 32. Raises
+    :class:`RobotError` when they do not suffice.
+    """
+    left = {pair for pair in pairs if len(pair) == 2}
+    links = sorted(set().union(*left))
+    sets: list[set[str]] = []
+    every = frozenset(left)
+    while left:
+        together = set(min(left, key=sorted))
+        for link in links:
+            if link not in together and all(frozenset((link, other)) in every for other in together):
+                together.add(link)
+        left -= {frozenset(pair) for pair in combinations(together, 2)}
+        sets.append(together)
+    if len(sets) > GROUPS:
+        raise RobotError(
+            f"{len(every)} pairs of the arm's links overlap, in more sets than the physics engine's {GROUPS}. Use a "
+            "URDF with simpler collision shapes, or name the pairs that may touch in robot.srdf."
+        )
+    return {link: sum(1 << bit for bit, each in enumerate(sets) if link in each) for link in links}
 
 
 SETTLE_STEPS, MOST_SETTLE_STEPS = 10, 480

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from string import ascii_uppercase
 
 from gvla2.language.contracts import Completion, LanguageModel, LanguageModelError, Request
+from gvla2.language.score_tokens import ENOUGH_MASS
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.scene import PRINTED, Scene, SceneObject
 from gvla2_plugins.skill import SkillLlmConfig
@@ -101,18 +102,20 @@ def described(obj: SceneObject) -> str:
 
 
 def _request(phrase: str, order: Sequence[SceneObject | None]) -> Request:
+    letters = ascii_uppercase[: len(order)]
     lines = [
-        f"{letter}. {described(o) if o else 'unknown'}"
-        for letter, o in zip(ascii_uppercase, order, strict=False)
+        f"{letter}. {described(o) if o else 'unknown'}" for letter, o in zip(letters, order, strict=True)
     ]
-    text = QUESTION.format(objects="\n".join(lines), phrase=phrase, unknown=ascii_uppercase[len(order) - 1])
-    return Request([{"role": "user", "content": text}], logprobs=True, max_tokens=2, temperature=0.0)
+    text = QUESTION.format(objects="\n".join(lines), phrase=phrase, unknown=letters[-1])
+    message = {"role": "user", "content": text}
+    return Request([message], logprobs=True, max_tokens=2, temperature=0.0, grammar=f"root ::= [{letters}]")
 
 
 def probabilities(answer: Completion, count: int) -> list[float]:
-    """The probability of each of the first ``count`` letters as the answer, by its first token.
+    """The probability of each of the first ``count`` letters as the answer, by its first token; their sum is 1.
 
-    Without probabilities the letter that was answered has :data:`PLAIN`, and "unknown", the last one, the rest.
+    Without probabilities, or where most of them are of other words, the letter that was answered has :data:`PLAIN`,
+    and "unknown", the last one, the rest.
     """
     letters = ascii_uppercase[:count]
     found = dict.fromkeys(letters, 0.0)
@@ -120,8 +123,11 @@ def probabilities(answer: Completion, count: int) -> list[float]:
         letter = text.strip(" .:()").upper()
         if letter in found and logarithm <= 0.0:
             found[letter] += math.exp(logarithm)
-    if not any(found.values()):
-        said = answer.text.strip(" .:()\n")[:1].upper()
-        found[said if said in found else letters[-1]] = PLAIN
-        found[letters[-1]] += 1.0 - PLAIN
-    return [found[letter] for letter in letters]
+    total = math.fsum(found.values())
+    if total >= ENOUGH_MASS:
+        return [found[letter] / total for letter in letters]
+    said = answer.text.strip(" .:()\n")[:1].upper()
+    plain = dict.fromkeys(letters, 0.0)
+    plain[said if said in plain else letters[-1]] = PLAIN
+    plain[letters[-1]] += 1.0 - PLAIN
+    return [plain[letter] for letter in letters]

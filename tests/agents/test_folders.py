@@ -36,8 +36,9 @@ def test_a_task_has_its_own_limits(tmp_path: Path):
     [
         (ASKED, "has no tests"),
         ({**TESTED, "instruction.md": " "}, "no instruction"),
-        ({**TESTED, "task.toml": "= broken"}, "cannot be read"),
-        ({"task.toml": ""}, "cannot be read"),
+        ({**TESTED, "task.toml": "= broken"}, "Cannot read a task"),
+        ({"task.toml": ""}, "Cannot read a task .*instruction.md"),
+        ({**TESTED, "task.toml": "metadata = 3"}, "Cannot read a task"),
         ({**TESTED, "task.toml": "[agent]\ntimeout_sec = -1"}, "above 0"),
         ({**TESTED, "task.toml": "[metadata]\nfiles = '/usr'"}, "not a folder of the task"),
         ({"readme.md": ""}, "No task lies below"),

@@ -1,5 +1,7 @@
 """Twins keep their identities over two perceptions that word and measure them a little differently."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from gvla2.episode.evidence import correspond
@@ -48,6 +50,9 @@ def test_of_known_objects_the_names_decide_not_their_looks() -> None:
     assert {k: v.id for k, v in correspond(before, after).items()} == {"a": "q", "b": "p"}
     gone = Scene((bowl("p", "ramekin", 0.0, 0.5),), 0.0, SPACE)
     assert "a" not in correspond(before, gone)
+    # Nor is it the body of a stove that the same gallery names, of whose parts none has a scan of its own.
+    stove = replace(gone.objects[0], label="flat stove", known=None)
+    assert "a" not in correspond(before, replace(gone, objects=(stove,)))
 
 
 def test_what_was_read_on_an_object_tells_it_from_another_of_its_looks() -> None:

@@ -100,6 +100,17 @@ def test_only_a_sure_failure_with_an_empty_hand_is_tried_again(missing):
     assert not should_try_again(ended("tracking", "uncertain"))
     assert not should_try_again(ended("expired", "verified_fail"))
     assert not should_try_again(ended("", "verified_fail", held=True))
+    # What was lost over its place may lie there.
+    theme = missed.after_scene.obstacles()[0]
+    (before,) = (o for o in missed.scene.objects if o.label == theme.label)
+    for aside, again in ((0.0, False), (0.3, True)):
+        x, y, z = theme.centre.tolist()
+        ways = [Waypoint((x, y, z), 0.0, "close")]
+        ways += [
+            Waypoint((x, y + aside, z + 0.1), opening, "release", carries=before.id) for opening in (0.0, 1.0)
+        ]
+        dropped = replace(missed.plan, trajectory=Trajectory(tuple(ways)))
+        assert should_try_again(replace(ended("slipped", "uncertain"), plan=dropped)) is again
     # "10 cm to the left" means something else once it has moved.
     aimed = replace(missed.plan, calls=(SkillCall("place", "o1", direction=(0.1, 0.0)),))
     assert not should_try_again(replace(missed, plan=aimed))

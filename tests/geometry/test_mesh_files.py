@@ -4,6 +4,7 @@ import base64
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -139,14 +140,56 @@ def test_a_red_square_in_the_dialects_of_obj(tmp_path: Path, dialect: str) -> No
     assert len(textured.mesh.faces) == 2
 
 
+@pytest.mark.parametrize(
+    "names", ["red green blue", "diffuse_red diffuse_green diffuse_blue", "r g b", "u v w"]
+)
+def test_colours_of_ply_by_their_several_names(tmp_path: Path, names: str) -> None:
+    header = "".join(f"property uchar {name}\r\n" for name in names.split())
+    rows = "".join(f"{x} {y} 0 255 0 0\r\n" for x, y in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    xyz = "".join(f"property float {axis}\r\n" for axis in "xyz")
+    (tmp_path / "m.ply").write_bytes(
+        f"ply\r\nformat ascii 1.0\r\nelement vertex 4\r\n{xyz}{header}element face 1\r\n"
+        f"property list uchar int vertex_indices\r\nend_header\r\n{rows}4 0 1 2 3\r\n".encode()
+    )
+    textured = read_textured_mesh(tmp_path / "m.ply")
+    if names == "u v w":  # texture coordinates without a picture are no colour
+        assert not textured.has_colours
+    else:
+        assert np.allclose(textured.face_colours, [1, 0, 0])
+
+
 def test_a_missing_library_leaves_a_mesh_without_colours(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(f"mtllib gone.mtl\n{SQUARE}usemtl m\n{QUAD}")
     assert not read_textured_mesh(tmp_path / "m.obj").has_colours
 
 
+def added(tree: dict[str, Any], rows: np.ndarray) -> int:
+    """Add an array (N, K) to a glTF file; the number of its accessor."""
+    uri = f"data:application/octet-stream;base64,{base64.b64encode(rows.tobytes()).decode()}"
+    tree["buffers"].append({"uri": uri, "byteLength": rows.nbytes})
+    tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": rows.nbytes})
+    kind, integers = {"f": 5126, "u": 5123}[rows.dtype.kind], rows.dtype.kind == "u"
+    accessor = {"bufferView": len(tree["bufferViews"]) - 1, "componentType": kind, "count": len(rows)}
+    tree["accessors"].append({**accessor, "type": f"VEC{rows.shape[1]}", "normalized": integers})
+    return len(tree["accessors"]) - 1
+
+
+def of_integers(tree: dict[str, Any], base: dict[str, Any]) -> None:
+    rows = np.full((4, 2), round(0.8 * 65535), dtype=np.uint16)
+    tree["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = added(tree, rows)
+
+
+def of_integer_colours(tree: dict[str, Any], base: dict[str, Any]) -> None:
+    base.clear()
+    rows = np.tile(np.array([65535, 0, 0, 65535], dtype=np.uint16), (4, 1))
+    tree["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = added(tree, rows)
+
+
 @pytest.mark.parametrize(
     "change",
     [
+        of_integers,
+        of_integer_colours,
         lambda tree, base: base["baseColorTexture"].update(texCoord=1),
         lambda tree, base: base["baseColorTexture"].update(
             extensions={"KHR_texture_transform": {"offset": [0.5, 0.0]}}
@@ -159,7 +202,7 @@ def test_a_missing_library_leaves_a_mesh_without_colours(tmp_path: Path) -> None
             extensions={"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [1, 0, 0, 1]}},
         ),
     ],
-    ids=["second set", "moved", "turned", "specular-glossiness"],
+    ids=["integers", "colours of 16 bits", "second set", "moved", "turned", "specular-glossiness"],
 )
 def test_where_gltf_files_have_their_colour(tmp_path: Path, change: Callable[..., None]) -> None:
     """The picture's left half is blue, its right half red; the first set of coordinates lies on the left."""
@@ -172,14 +215,8 @@ def test_where_gltf_files_have_their_colour(tmp_path: Path, change: Callable[...
 
     files = made.scene().export(file_type="gltf")
     tree = json.loads(files.pop("model.gltf"))
-    other = np.full((4, 2), 0.8, dtype=np.float32).tobytes()
-    uri = f"data:application/octet-stream;base64,{base64.b64encode(other).decode()}"
-    tree["buffers"].append({"uri": uri, "byteLength": len(other)})
-    tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": len(other)})
-    view = len(tree["bufferViews"]) - 1
-    tree["accessors"].append({"bufferView": view, "componentType": 5126, "count": 4, "type": "VEC2"})
     attributes = tree["meshes"][0]["primitives"][0]["attributes"]
-    attributes["TEXCOORD_1"] = len(tree["accessors"]) - 1
+    attributes["TEXCOORD_1"] = added(tree, np.full((4, 2), 0.8, dtype=np.float32))
     change(tree, tree["materials"][0]["pbrMetallicRoughness"])
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)

@@ -69,6 +69,8 @@ def test_frames_come_in_the_order_of_their_numbers_and_stay_at_the_last(folder):
         frame(folder, number)
         for kind in ("rgb.png", "depth.npy"):
             (folder / f"{number:03d}.{kind}").rename(folder / f"{number}.{kind}")
+    for other in ("1a.rgb.png", "._000.rgb.png", "2nd camera.txt"):
+        (folder / other).write_bytes(b"no frame")
     assert depths(replay(folder), 6) == pytest.approx([0.5, 0.6, 0.7, 1.4, 1.5, 1.5])
 
 

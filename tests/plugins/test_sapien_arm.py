@@ -1,5 +1,6 @@
 """Any arm by its URDF: one of boxes and cylinders made here, and those of a package, lift a cube; errors that help."""
 
+import itertools
 from importlib.metadata import PackageNotFoundError, distribution
 
 import numpy as np
@@ -15,6 +16,7 @@ from gvla2.robot.workcell import make_cell
 from gvla2.testing import check_component
 from gvla2.testing.robot import check_robot
 from gvla2_plugins.sapien import SapienArmConfig, gvla2_robots
+from gvla2_plugins.sapien.world import ignoring_groups
 
 ARM = {c.name: c for c in gvla2_robots()}["sapien_arm"]
 
@@ -215,6 +217,16 @@ def test_arms_of_a_package_lift_a_cube(name):
 
 
 VISUAL = '<visual><geometry><mesh filename="package://six/none.stl"/></geometry></visual>'
+
+
+def test_just_the_links_that_may_touch_share_a_bit_of_the_engine():
+    hand = [frozenset(pair) for pair in itertools.combinations([f"finger_{k}" for k in range(20)], 2)]
+    chain = [frozenset((f"link_{k}", f"link_{k + 2}")) for k in range(12)]
+    groups = ignoring_groups([*hand, *chain, frozenset(("link_0",))])
+    for pair in itertools.combinations(groups, 2):
+        assert bool(groups[pair[0]] & groups[pair[1]]) == (frozenset(pair) in {*hand, *chain}), pair
+    with pytest.raises(RobotError, match=r"80 pairs .* robot\.srdf"):
+        ignoring_groups([frozenset((f"a{k}", f"b{k}")) for k in range(80)])
 
 
 CAP = (

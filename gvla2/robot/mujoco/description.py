@@ -73,8 +73,9 @@ def write_urdf(model: Any, names: ArmNames, speed: float) -> Path:
             links[body] = parent
         else:
             # A URDF's joint goes through its link's origin.
-            origin = data.xpos[body] if joint is None else data.xanchor[joint.id]
-            link, pose = ET.SubElement(robot, "link", name=name), rigid(data.xmat[body].reshape(3, 3), origin)
+            turn = data.xmat[body].reshape(3, 3)
+            pose = rigid(turn, data.xpos[body] + (0.0 if joint is None else turn @ joint.pos))
+            link = ET.SubElement(robot, "link", name=name)
             links[body] = link, pose
             if parent is not None:
                 ends, at = (parent[0].get("name", ""), name), invert_rigid(parent[1]) @ pose

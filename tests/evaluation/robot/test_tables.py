@@ -100,7 +100,7 @@ def test_suites_and_their_groups_stand_beside_what_others_published(tmp_path):
         "Other": {"given": "a trained policy", "success": {"cups": 60.5}},
         "Elsewhere": {"given": "", "success": {"x": 1}},
     }
-    by_suite, *_, failures = robot_sheets(
+    by_suite, by_task, failures = robot_sheets(
         made, {"both": ["cups", "bowls"], "more": ["cups", "forks"]}, published
     )
     assert by_suite.headings == ("memory off", "Other (published)")
@@ -111,6 +111,7 @@ def test_suites_and_their_groups_stand_beside_what_others_published(tmp_path):
     assert text_of(by_suite, "bowls", "Other (published)") == ("",)
     assert text_of(by_suite, "given", "memory off") == ("two cameras, known objects",)
     assert text_of(by_suite, "given", "Other (published)") == ("a trained policy",)
+    assert by_task.title.endswith(": success"), "a suite's task has one check, not two profiles"
     (film,) = failures.films
     assert film.caption == "bowls/0, layout 7: It slipped."
     assert film.file.endswith("episode/episode.mp4")
