@@ -201,8 +201,6 @@ class Endpoint:
             raise self._status_failure(where, error) from None
         except openai.APIConnectionError as error:
             cause = error.__cause__ or error
-            if isinstance(cause, MalformedAnswerError):
-                raise MalformedAnswerError(f"{where}: {cause}") from None
             message = f"{where} cannot be reached or broke off ({type(cause).__name__}: {cause})."
             raise ModelUnavailableError(f"{message} Is a server running there?") from error
         try:
@@ -296,7 +294,9 @@ def _bounded_client(*, trust_env: bool) -> Any:
                 ) in response.aiter_bytes():  # decompressed: a small answer may unpack to a large one
                     body += some
                     if len(body) > MOST_BYTES:
-                        raise MalformedAnswerError(f"the answer is longer than {MOST_BYTES >> 20} MB.")
+                        raise MalformedAnswerError(
+                            f"{request.url} sent an answer longer than {MOST_BYTES >> 20} MB."
+                        )
             finally:
                 await response.aclose()
             coded = ("content-encoding", "content-length", "transfer-encoding")

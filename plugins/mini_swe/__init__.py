@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import platform
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -17,6 +16,7 @@ from typing import Any
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Sandbox
 from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.io.array_cache import cache_folder
 from gvla2.language import LanguageModel, Request
 
 SUBMITTED = "COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
@@ -49,9 +49,9 @@ class MiniSwe:
             raise MissingDependencyError(
                 "the package 'mini-swe-agent' (MIT)", "agent=mini_swe", "pip install 'gvla2[agents]'"
             )
-        # Its import writes a settings file and prints a banner.
+        # Its import reads and writes a settings file, which nobody else may prepare, and prints a banner.
         os.environ.setdefault("MSWEA_SILENT_STARTUP", "1")
-        os.environ.setdefault("MSWEA_GLOBAL_CONFIG_DIR", str(Path(tempfile.gettempdir(), "gvla2-mini-swe")))
+        os.environ.setdefault("MSWEA_GLOBAL_CONFIG_DIR", str(cache_folder() / "mini-swe"))
         import minisweagent
         import yaml
 
