@@ -133,7 +133,7 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
     return scene, from_file, moves
 
 
-class _BesideResolver(trimesh.resolvers.FilePathResolver):
+class _BesideResolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
     """Finds a mesh's materials and pictures by the names that other systems write: Windows' paths, ``%20``, another
     case, another machine's folders.
 
@@ -363,7 +363,7 @@ def _look(
         if not flat:
             at = np.asarray(visual.uv, dtype=np.float64)[:, :2]
             if (exact := part.vertex_attributes.get(_EXACT["TEXCOORD_0"])) is not None:
-                at = [0.0, 1.0] + [1.0, -1.0] * _unit(exact)
+                at = np.array([0.0, 1.0]) + np.array([1.0, -1.0]) * _unit(exact)
             if at.shape != (len(part.vertices), 2):
                 raise GeometryError("a texture coordinate has not two numbers.")
             if (move := uv_moves.get(str(visual.material.name))) is not None:

@@ -142,7 +142,7 @@ def link_of(joint: ET.Element, end: str) -> str:
     return "" if found is None else found.get("link", "")
 
 
-def numbers(element: ET.Element | None, name: str, usual: Sequence[float]) -> FloatArray:
+def numbers(element: ET.Element | None, name: str, usual: Sequence[float] | FloatArray) -> FloatArray:
     """The numbers of an attribute in a parsed URDF; ``usual`` where it is absent."""
     given = None if element is None else element.get(name)
     return np.array(given.split() if given else usual, dtype=np.float64)

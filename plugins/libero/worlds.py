@@ -135,7 +135,7 @@ class LiberoWorld(EnvWorld):
 
 
 def _substeps(env: Any) -> int:
-    return round(env.control_timestep / env.model_timestep)
+    return round(float(env.control_timestep) / float(env.model_timestep))
 
 
 def _cap(suite: str) -> int:
