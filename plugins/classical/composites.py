@@ -170,7 +170,10 @@ class _Piece:
         return bool(thick < BAR and long > 2.0 * thick and self.far - self.near < DEEP * long)
 
 
-def _before(piece: SeenObject, case: SeenObject) -> _Piece | None:
+OUTLINE = 0.005  # metres that a piece may stick out of the outline of what it is before
+
+
+def _before(piece: SeenObject, case: SeenObject, outline: float = OUTLINE) -> _Piece | None:
     """Where a piece is that is before one side of a case, and within its outline; None for others."""
     if piece.turn is not None or piece.noun:
         return None
@@ -180,7 +183,7 @@ def _before(piece: SeenObject, case: SeenObject) -> _Piece | None:
     end, axis = (int(i) for i in np.unravel_index(np.argmax(gaps), gaps.shape))
     others = np.delete(np.maximum(high, -low) - half, axis)
     near = float(gaps[end, axis])
-    if others.max() > 0.005 or near < -FLUSH:
+    if others.max() > outline or near < -FLUSH:
         return None
     return _Piece((end, axis), near, near + float((high - low)[axis]), np.delete(high - low, axis))
 
@@ -224,7 +227,8 @@ def _about(obj: SeenObject, case: SeenObject) -> SeenObject:
 
 
 PANEL = 0.15  # metres: no side of a door is shorter
-FIXED, STANDS_OFF = 0.03, (0.02, 0.15)  # metres between a door and what is seen of its handle, at either end
+FIXED, STANDS_OFF = 0.05, (0.02, 0.15)  # metres between a door and what is seen of its handle, at either end
+HIDDEN = 0.03  # metres of a door's edge that its frame may hide
 
 
 def join_doors(draft: SceneDraft) -> None:
@@ -240,7 +244,7 @@ def join_doors(draft: SceneDraft) -> None:
         if any(door.covers(panel.centre[None, :2], LARGE)[0] for door in found):
             continue  # its frame
         near, far = STANDS_OFF
-        pieces = {j: _before(draft.objects[j], panel) for j in draft.left() if j != k}
+        pieces = {j: _before(draft.objects[j], panel, HIDDEN) for j in draft.left() if j != k}
         bars = {
             j: piece
             for j, piece in pieces.items()

@@ -245,6 +245,19 @@ def test_a_nut_is_a_ring_about_its_hole_whatever_stands_out_on_one_side():
     assert nut.opening == pytest.approx(0.046, abs=0.004)
 
 
+@pytest.mark.parametrize(
+    "aside", [0.1, 0.16]
+)  # within its outline, and beyond an edge that a frame would hide
+def test_a_panel_before_which_a_bar_stands_off_is_a_door(aside: float):
+    panel = put("box", (0.4, 0.04, 0.4), np.array([0.3, 0.1]), 0.0, "gray")
+    bar = put(
+        "box", (0.12, 0.04, 0.03), np.array([0.3 + aside, 0.1 - 0.02 - 0.045 - 0.02]), 0.0, "orange", (), 0.2
+    )
+    door, handle = sorted(perceive(render([panel, bar])).objects, key=lambda o: o.label, reverse=False)
+    assert (door.label, handle.label) == ("gray door", "orange handle")
+    assert handle.parent == door.id
+
+
 def test_a_bin_with_compartments_is_hollow():
     walls = [((x, 0.0), (0.02, 0.3, 0.08)) for x in (-0.14, 0.0, 0.14)]
     walls += [((0.0, y), (0.3, 0.02, 0.08)) for y in (-0.14, 0.14)]
