@@ -66,8 +66,10 @@ def known_objects(
                 members = bodies.pop(0)
                 body = gallery.recognise(points[members], pixels.rgb[members], sights, height)
                 if body is None or _remainder(body.object, points[members], accepted):
-                    # Of a bowl seen at a slant only two opposite walls may be seen.
-                    other = next((m for m in unknown if _beside(points[members], points[m], height)), None)
+                    # Of a bowl seen at a slant only two opposite walls may be seen, of a box under a bowl its ends.
+                    other = next(
+                        (m for m in unknown if _beside(points[members], points[m], height, accepted)), None
+                    )
                     if other is not None:
                         unknown = [m for m in unknown if m is not other]
                         bodies.insert(0, np.concatenate([members, other]))
@@ -138,10 +140,24 @@ def _two(
     return []
 
 
-def _beside(one: FloatArray, other: FloatArray, table: float) -> bool:
-    """Whether points (N, 3) and (M, 3) above the table may be of one object that stands on something else."""
+def _beside(one: FloatArray, other: FloatArray, table: float, known: Sequence[Recognised]) -> bool:
+    """Whether points (N, 3) and (M, 3) above the table may be of one object that stands on something else, or on which
+    something known stands.
+    """
     heights = [np.percentile(points[:, 2], [5.0, 95.0]) for points in (one, other)]
-    if min(low for low, _ in heights) < table + FLOATS or np.abs(heights[0] - heights[1]).max() > APART:
+    floats = min(low for low, _ in heights) >= table + FLOATS
+    if np.abs(heights[0] - heights[1]).max() > APART or not (floats or _carry(one, other, table, known)):
         return False
     gap = cKDTree(one).query(other[:: max(1, len(other) // 200)])[0]
     return bool(np.min(gap) < APART)
+
+
+def _carry(one: FloatArray, other: FloatArray, table: float, known: Sequence[Recognised]) -> bool:
+    """Whether a known object that is not on the table stands over the gap between points (N, 3) and (M, 3)."""
+    above = [each.object for each in known if each.object.bottom > table + FLOATS]
+
+    def under(points: FloatArray, obj: SceneObject) -> bool:
+        reach = 0.5 * float(obj.extents[:2].max()) + FLOATS
+        return float(np.linalg.norm(points[:, :2] - obj.centre[:2], axis=1).min()) < reach
+
+    return any(under(one, obj) and under(other, obj) for obj in above)
