@@ -227,7 +227,7 @@ def _about(obj: SeenObject, case: SeenObject) -> SeenObject:
 
 
 PANEL = 0.15  # metres: no side of a door is shorter
-FIXED, STANDS_OFF = 0.05, (0.02, 0.15)  # metres between a door and what is seen of its handle, at either end
+FIXED, STANDS_OFF = 0.08, (0.02, 0.15)  # metres between a door and what is seen of its handle, at either end
 HIDDEN = 0.03  # metres of a door's edge that its frame may hide
 
 
