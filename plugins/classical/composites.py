@@ -174,7 +174,7 @@ OUTLINE = 0.005  # metres that a piece may stick out of the outline of what it i
 
 
 def _before(piece: SeenObject, case: SeenObject, outline: float = OUTLINE) -> _Piece | None:
-    """Where a piece is that is before one side of a case, and within its outline; None for others."""
+    """Where a piece is that is before one side of a case, and within its ``outline``, metres; None for others."""
     if piece.turn is not None or piece.noun:
         return None
     low, high = np.percentile(case.local(piece.points), [4.0, 96.0], axis=0)
@@ -183,7 +183,7 @@ def _before(piece: SeenObject, case: SeenObject, outline: float = OUTLINE) -> _P
     end, axis = (int(i) for i in np.unravel_index(np.argmax(gaps), gaps.shape))
     others = np.delete(np.maximum(high, -low) - half, axis)
     near = float(gaps[end, axis])
-    if others.max() > outline or near < -FLUSH:
+    if others.max() > outline or near < -max(FLUSH, outline):
         return None
     return _Piece((end, axis), near, near + float((high - low)[axis]), np.delete(high - low, axis))
 
@@ -228,7 +228,7 @@ def _about(obj: SeenObject, case: SeenObject) -> SeenObject:
 
 PANEL = 0.15  # metres: no side of a door is shorter
 FIXED, STANDS_OFF = 0.08, (0.02, 0.15)  # metres between a door and what is seen of its handle, at either end
-HIDDEN = 0.03  # metres of a door's edge that its frame may hide
+HIDDEN = 0.03  # metres of a door's edge that its frame may hide, and by which its thickness is uncertain
 
 
 def join_doors(draft: SceneDraft) -> None:
