@@ -65,6 +65,7 @@ def test_the_links_of_the_page_lead_somewhere(page: Path):
         assert (page.parent / link).exists() or link.startswith(MADE), link
 
 
+@pytest.mark.extras
 @pytest.mark.timeout(300)
 def test_the_site_builds_without_a_warning(tmp_path: Path):
     pytest.importorskip("material", reason="pip install 'gvla2[docs]'")

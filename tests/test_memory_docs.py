@@ -17,6 +17,7 @@ EXAMPLE = ROOT / "examples" / "05_memory_for_another_agent.py"
 PAGE = (ROOT / "docs" / "memory.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.extras
 @pytest.mark.skipif(
     importlib.util.find_spec("minisweagent") is None, reason="mini-swe-agent is not installed"
 )

@@ -206,6 +206,7 @@ EXAMPLES = {
 }
 
 
+@pytest.mark.extras
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_arms_of_a_package_lift_a_cube(name):
     try:

