@@ -79,6 +79,10 @@ def test_only_failures_are_filmed_where_only_these_are_wanted(registry, tmp_path
         done.append(row["success"])
         assert (place / "episode.mp4").is_file() is not row["success"]
         assert bool(row["folder"]) is not row["success"]
+    origin = json.loads((place / "result.json").read_text())["origin"]
+    assert origin["version"]
+    assert origin["options"]["robot.grip_force"] == 0.1
+    assert "<span>robot.grip_force</span>0.1" in (place / "index.html").read_text()
     assert done == [True, False]
 
 

@@ -3,10 +3,11 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import gvla2
-from gvla2.commands.hydra_job import composed
+from gvla2.commands.hydra_job import as_overrides, composed
 from gvla2.record.origin import Origin, changed_options
 
 
@@ -48,6 +49,15 @@ def test_every_changed_option_is_named_and_of_a_preset_people_see_its_name():
     assert set(shown) == {"depth_noise.kind", "task.distractors"}
 
 
-def test_the_command_can_be_pasted_into_a_shell():
-    command = Origin(argv=["gvla2", "run", "instruction='lift it, please'"]).command
-    assert command == """gvla2 run 'instruction='"'"'lift it, please'"'"''"""
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("seed", 0), ("seed", 1), ("planner.explore", 0.0), ("planner.lift_height", np.float64(0.25)),
+     ("quiet", False), ("instruction", "it's #1, {please}"), ("instruction", None),
+     ("robot.cameras", ["front", "wrist"])],
+)  # fmt: skip
+def test_python_values_arrive_as_they_are(option: str, value: object):
+    config, _ = composed("run", as_overrides({option: value}))
+    for name in option.split("."):
+        config = getattr(config, name)
+    assert config == value
+    assert isinstance(config, bool) == isinstance(value, bool)

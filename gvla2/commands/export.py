@@ -88,7 +88,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     """The episode of a run's folder, or why it is left out; None for a summary above several."""
     import numpy as np
 
-    from gvla2.record.lerobot import Demonstration, Film
+    from gvla2.record.lerobot import Demonstration, VideoFile
     from gvla2.record.motion import FILM, STATES
 
     result = json.loads((folder / "result.json").read_text(encoding="utf-8-sig"))
@@ -107,7 +107,9 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
         states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
         fps = float(kept["fps"])
     robot, source = str(result["robot"]), _source(folder, result)
-    return Demonstration(states, fps, Film.read(folder / FILM), str(result["instruction"]), robot, source)
+    return Demonstration(
+        states, fps, VideoFile.read(folder / FILM), str(result["instruction"]), robot, source
+    )
 
 
 def _source(folder: Path, result: Mapping[str, Any]) -> str:

@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -118,12 +119,12 @@ def launch(command: str, configs: Mapping[str, type], function: JobFunction, arg
         if kind in (*KINDS, *SLOTS) and value.startswith("[") and "," in value:
             print(f"gvla2: {kind} takes one name; a sweep: -m {kind}={value.strip('[]')}", file=sys.stderr)
             return 2
-    if "instruction" in {each.name for each in fields(configs[command])}:
-        argv = quoted_instruction(argv)
-    argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
     registry = _register(configs, configs[command])
     task = HydraTask(function, registry)
     try:
+        if "instruction" in {each.name for each in fields(configs[command])}:
+            argv = quoted_instruction(argv)
+        argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
         for word in argv:  # Hydra writes them into files before a job begins
             option, _, value = word.lstrip("+~").partition("=")
             refuse_secrets(option, value)
@@ -216,15 +217,18 @@ def _run_once(command: str, task: HydraTask, argv: Sequence[str]) -> None:
 def quoted_instruction(argv: Sequence[str]) -> list[str]:
     """The arguments with ``-i TEXT``, ``--instruction TEXT`` and, outside of sweeps, ``instruction=TEXT`` quoted.
 
-    Hydra's grammar would otherwise take a sentence's commas, apostrophes and brackets for its own.
+    Hydra's grammar would otherwise take a sentence's commas, apostrophes and brackets for its own. Raises
+    :class:`ConfigurationError` for an ``-i`` without a text.
     """
-    sweeps = any(word in ("-m", "--multirun") for word in argv)
+    sweeps = any(word in ("-m", "--multirun") or word.startswith(_MAY_SWEEP) for word in argv)
     words, made = iter(argv), []
     for word in words:
         option, _, text = word.partition("=")
         plain = not sweeps and text not in ("", "null") and text[0] not in "'\""
         if word in ("-i", "--instruction"):
-            made.append(f"instruction={_text(next(words, ''))}")
+            if not (sentence := next(words, "")):
+                raise ConfigurationError(f"{word} needs a sentence: {word} 'lift the red cube, please'.")
+            made.append(f"instruction={_text(sentence)}")
         elif option == "--instruction" or (option == "instruction" and plain):
             made.append(f"instruction={_text(text)}")
         else:
@@ -238,13 +242,13 @@ def as_overrides(options: Mapping[str, Any]) -> list[str]:
 
 
 def _written(value: Any) -> str:
-    if isinstance(value, str | Path):
-        return _text(str(value))
     if isinstance(value, Mapping):
         return "{" + ",".join(f"{key}:{_written(each)}" for key, each in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ",".join(map(_written, value)) + "]"
-    return {None: "null", True: "true", False: "false"}.get(value, repr(value))
+    if value is None or isinstance(value, bool):  # before numbers, which they equal
+        return "null" if value is None else str(value).lower()
+    return str(value) if isinstance(value, Real) else _text(str(value))
 
 
 def _text(text: str) -> str:

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
+from gvla2.episode.attempts import NO_MORE
+from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, look_along
-from gvla2.geometry.views import Observation
+from gvla2.geometry.views import Observation, Views
 from gvla2.planning.arm import Arm
+from gvla2.planning.asking import look_again
 from gvla2.planning.calls import SkillOptions
+from gvla2.planning.contracts import LooksCloser
 from gvla2.planning.findings import FREE_CLEARANCE
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.robot.backend import ExecutionListener, RobotBackend
 
 ON_THE_ARM = 0.3
 """Distance of a camera from the tool below which it is on the arm, metres."""
@@ -40,6 +46,63 @@ class Look:
     object: SceneObject
     trajectory: Trajectory
     position: FloatArray
+
+
+@dataclass(frozen=True)
+class Eyes:
+    """What a closer look needs: the perceiver, called ``who`` in messages, the robot whose arm has a camera,
+    ``observe``, which gives the observation of a look by its number, and who hears of the motion.
+    """
+
+    perceiver: LooksCloser
+    who: str
+    robot: RobotBackend
+    observe: Callable[[int], Observation]
+    listener: ExecutionListener
+
+
+def with_closer_looks(
+    record: EpisodeRecord, eyes: Eyes, plan: Callable[[EpisodeRecord], EpisodeRecord]
+) -> EpisodeRecord:
+    """A planned record; while nothing seen is what was asked for, look closer at unnamed objects and ``plan`` again."""
+    observation, looks = record.seen.observation, 0
+    camera = camera_on_arm(observation)
+    if camera is None:
+        return record
+    tcp_from_camera = invert_rigid(observation.world_from_tcp) @ camera.world_from_camera
+    seen_from = [view.camera.position for view in observation.views]
+    while record.failure is not None and record.failure.kind == "nothing_matches":
+        scene, arm, began = record.seen.scene, eyes.robot.arm, time.perf_counter()
+        wanted = eyes.perceiver.to_look_at(scene, looks)
+        look = closer_look(wanted, scene, arm, record.seen.observation, tcp_from_camera, seen_from)
+        if look is None:
+            break
+        observation.pictured()  # the finer pictures of this moment must be taken before the arm moves
+        stopped = eyes.robot.execute(look.trajectory, scene, eyes.listener).abort
+        looks += 1
+        if stopped is not None:
+            note = f"No closer look at {look.object.id}: {stopped.message or stopped.abort}"
+            record = replace(record, notes=(*record.notes, note))
+            if stopped.abort in (*NO_MORE, "expired"):
+                break
+            seen_from.append(look.position)
+            continue
+        now = eyes.observe(looks)
+        nearer = next(view for view in now.views if view.name == camera.name)
+        seen = look_again(eyes.perceiver, scene, replace(now, views=Views((nearer,))), eyes.who)
+        seconds, names = time.perf_counter() - began, _newly_named(scene, seen) or "no name is seen"
+        note = f"Looked closer at {look.object.id}, {look.object.label}, in {seconds:.1f} s: {names}."
+        now = replace(now, views=observation.views, finer=observation.finer)
+        record = replace(record, scene=seen, observation=now, notes=(*record.notes, note), failure=None)
+        seen_from.append(nearer.camera.position)
+        record = plan(record)
+    return record
+
+
+def _newly_named(before: Scene, now: Scene) -> str:
+    """The names that objects have now and had not before, listed."""
+    named = {o.id: o.label for o in before.objects}
+    return ", ".join(f"{o.id} is {o.label}" for o in now.objects if named.get(o.id) != o.label)
 
 
 def camera_on_arm(observation: Observation) -> Camera | None:

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.episode.attempts import (
-    NO_MORE,
     back_off,
     cameras_moved,
     hand_is_free,
@@ -39,7 +38,7 @@ from gvla2.episode.attempts import (
     should_try_again,
     with_covered,
 )
-from gvla2.episode.closer_look import camera_on_arm, closer_look
+from gvla2.episode.closer_look import Eyes, with_closer_looks
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.episode.lessons import memory_task, stories_of, transcript
 from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
@@ -47,11 +46,10 @@ from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage,
 from gvla2.episode.refine import GeometryComponents, refine_scene
 from gvla2.errors import Gvla2Error, SimulationError, kept_alive
 from gvla2.geometry.exchange import read_only
-from gvla2.geometry.transform import invert_rigid
-from gvla2.geometry.views import Observation, Views
+from gvla2.geometry.views import Observation
 from gvla2.memory.admission import answer_of, verdict_of
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verifier
-from gvla2.planning.asking import look_again, perceive
+from gvla2.planning.asking import perceive
 from gvla2.planning.contracts import LooksCloser, Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
@@ -391,55 +389,21 @@ def _recall(record: EpisodeRecord, components: Components) -> EpisodeRecord:
 def _plan(
     record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
-    """Plan; where nothing seen is what was asked for, look closer at what has no name, and plan again."""
-    record = _planner(record, components, request).plan(record)
-    perceiver, observation = components.perceiver, record.seen.observation
-    camera, looks = camera_on_arm(observation), 0
-    if camera is None or not isinstance(perceiver, LooksCloser):
+    """Plan; a perceiver that may look closer does so where nothing seen is what was asked for."""
+
+    def plan(record: EpisodeRecord) -> EpisodeRecord:
+        return _planner(record, components, request).plan(record)
+
+    perceiver, robot, who = components.perceiver, components.robot, components.named("perceiver")
+    record = plan(record)
+    if not isinstance(perceiver, LooksCloser):
         return record
-    tcp_from_camera = invert_rigid(observation.world_from_tcp) @ camera.world_from_camera
-    seen_from = [view.camera.position for view in observation.views]
-    while record.failure is not None and record.failure.kind == "nothing_matches":
-        scene, began = record.seen.scene, time.perf_counter()
-        wanted = perceiver.to_look_at(scene, looks)
-        look = closer_look(
-            wanted, scene, components.robot.arm, record.seen.observation, tcp_from_camera, seen_from
-        )
-        if look is None:
-            break
-        observation.pictured()  # the finer pictures of this moment must be taken before the arm moves
-        stopped = components.robot.execute(look.trajectory, scene, _moving(listener)).abort
-        looks += 1
-        if stopped is not None:
-            note = f"No closer look at {look.object.id}: {stopped.message or stopped.abort}"
-            record = replace(record, notes=(*record.notes, note))
-            if stopped.abort in (*NO_MORE, "expired"):
-                break
-            seen_from.append(look.position)
-            continue
-        now = _look(components, request, 2 * _looks(record), looks)
-        nearer = next(view for view in now.views if view.name == camera.name)
-        scene = look_again(
-            perceiver, scene, replace(now, views=Views((nearer,))), components.named("perceiver")
-        )
-        note = f"Looked closer at {look.object.id}, {look.object.label}, in {time.perf_counter() - began:.1f} s: "
-        note += f"{names}." if (names := _newly_named(record.seen.scene, scene)) else "no name is seen."
-        record = replace(
-            record,
-            scene=scene,
-            observation=replace(now, views=observation.views, finer=observation.finer),
-            notes=(*record.notes, note),
-            failure=None,
-        )
-        seen_from.append(nearer.camera.position)
-        record = _planner(record, components, request).plan(record)
-    return record
+    looks = _looks(record)
 
+    def observe(number: int) -> Observation:
+        return _look(components, request, 2 * looks, number)
 
-def _newly_named(before: Scene, now: Scene) -> str:
-    """The names that objects have now and had not before, listed."""
-    named = {o.id: o.label for o in before.objects}
-    return ", ".join(f"{o.id} is {o.label}" for o in now.objects if named.get(o.id) != o.label)
+    return with_closer_looks(record, Eyes(perceiver, who, robot, observe, _moving(listener)), plan)
 
 
 def _planner(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> PlannerWithFallback:

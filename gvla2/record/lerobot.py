@@ -33,7 +33,7 @@ _FILES_A_CHUNK = 1000
 
 
 @dataclass(frozen=True)
-class Film:
+class VideoFile:
     """A film's file, its number of ``frames``, their ``size`` (H, W), and their colours' statistics.
 
     ``low`` and ``high`` (3,) are the least and the greatest, ``total`` and ``squares`` (3,) the sums of ``pixels``
@@ -50,7 +50,7 @@ class Film:
     pixels: int
 
     @classmethod
-    def read(cls, path: Path) -> Film:
+    def read(cls, path: Path) -> VideoFile:
         """Read a film one frame at a time; raises :class:`Gvla2Error` for a file that is none."""
         with reading("a film", path, Gvla2Error):
             reader: Any = imageio_ffmpeg.read_frames(str(path))
@@ -79,7 +79,7 @@ class Demonstration:
 
     states: NDArray[np.float32]
     fps: float
-    film: Film
+    film: VideoFile
     task: str
     robot: str
     source: str = ""

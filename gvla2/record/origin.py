@@ -16,6 +16,9 @@ from gvla2.io.files import plain
 _NOT_OF_THE_RESULT = ("name", "quiet", "results", "seed", "instruction", "episodes")
 """Options that the page shows elsewhere, or on which no result depends."""
 
+LONGEST = 60
+"""Characters of a value that a page shows beside the title."""
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -35,12 +38,13 @@ class Origin:
 
     @property
     def shown(self) -> dict[str, Any]:
-        """The options for people: of a preset with a kind, its kind alone."""
+        """The options for people: of a preset with a kind, its kind alone, and nothing that fills more than a line."""
         kinds = [name.removesuffix("kind") for name in self.options if name.endswith(".kind")]
         return {
             name: value
             for name, value in self.options.items()
-            if name.endswith(".kind") or not any(name.startswith(kind) for kind in kinds)
+            if (name.endswith(".kind") or not any(name.startswith(kind) for kind in kinds))
+            and len(str(value)) <= LONGEST
         }
 
 

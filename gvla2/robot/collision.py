@@ -200,9 +200,8 @@ def _solids(item: SceneObject) -> list[tuple[Any, FloatArray]]:
     reach past, else one simple shape. Of containers, whose decomposition takes minutes, the box is kept.
     """
     if item.known is not None and item.opening == 0.0 and float(item.extents.max()) > LARGE:
-        with suppress(
-            GeometryError, ModuleNotFoundError
-        ):  # the scan's file is gone, or no CoACD: its box is known
+        # The scan's file is gone, or there is no CoACD: its box is known.
+        with suppress(GeometryError, ModuleNotFoundError):
             pieces = _pieces(item.known.path, item.known.scale)
             return [(piece, item.known.world_from_scan) for piece in pieces]
     return [(_solid(item), item.world_from_object)]
@@ -211,9 +210,8 @@ def _solids(item: SceneObject) -> list[tuple[Any, FloatArray]]:
 @lru_cache(maxsize=64)
 def _pieces(path: str, scale: float) -> tuple[Any, ...]:
     """The convex pieces of a scan's file as coal shapes in its frame, metres."""
-    from gvla2.geometry.convex import (
-        convex_pieces,  # few scenes have such an object, and importing trimesh is slow
-    )
+    # Few scenes have such an object, and importing trimesh is slow.
+    from gvla2.geometry.convex import convex_pieces
 
     return tuple(_hull(corners) for corners in convex_pieces(path, scale))
 

@@ -15,7 +15,7 @@ from gvla2.robot.backend import Moment
 
 pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
 
-from gvla2.record.lerobot import VIDEO, Demonstration, Film, write_dataset  # noqa: E402 - needs it
+from gvla2.record.lerobot import VIDEO, Demonstration, VideoFile, write_dataset  # noqa: E402 - needs it
 
 # imageio-ffmpeg leaves the pipe to its reading process to the garbage collector.
 pytestmark = pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
@@ -55,7 +55,7 @@ def demonstration(folder: Path, task: str = "lift it", **size: int) -> Demonstra
     keep(folder, **size)
     with np.load(folder / STATES) as kept:
         states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
-    return Demonstration(states, FPS, Film.read(folder / FILM), task, "sapien_panda")
+    return Demonstration(states, FPS, VideoFile.read(folder / FILM), task, "sapien_panda")
 
 
 def test_every_frame_has_its_state(tmp_path: Path):

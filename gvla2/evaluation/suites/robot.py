@@ -30,6 +30,7 @@ from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, Lesson
 from gvla2.evaluation.suites.robot_tables import robot_sheets
 from gvla2.evaluation.tables import Sheet
 from gvla2.plugins.registry import Registry
+from gvla2.record.origin import origin_of
 
 OTHERS = ("groups", "published")
 """Options of a run that its report takes up."""
@@ -60,11 +61,12 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
         world = world_of(unit.config)
         if world not in self._schools:
             self._schools[world] = School(self.designs[world], self.registry, self.folder, rows)
-        films = self.config.films != "none"
-        place = (
-            self.folder / "episodes" / re.sub(r"\W+", "_", unit.subject) / f"{unit.arm.name}_{unit.layout}"
-        )
-        return replace(unit, lessons=self._schools[world].lessons(unit), folder=place if films else None)
+        unit = replace(unit, lessons=self._schools[world].lessons(unit))
+        if self.config.films == "none":
+            return unit
+        place = self.folder / "episodes" / re.sub(r"\W+", "_", unit.subject)
+        origin = origin_of(self.config, "bench")
+        return replace(unit, folder=place / f"{unit.arm.name}_{unit.layout}", origin=origin)
 
     @staticmethod
     def measure(unit: EpisodeUnit, registry: Registry) -> list[Cell]:

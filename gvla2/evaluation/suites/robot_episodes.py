@@ -33,6 +33,7 @@ from gvla2.evaluation.results import Cell
 from gvla2.memory.contracts import Memory, MemoryTask
 from gvla2.plugins.assembly import GEOMETRY, LOOP, build_components
 from gvla2.plugins.registry import Registry
+from gvla2.record.origin import Origin
 from gvla2.record.recorder import RunRecorder
 from gvla2.robot.backend import Moment
 
@@ -65,7 +66,7 @@ class EpisodeUnit(Unit):
 
     ``subject`` names the row; ``task`` is the task's name and options; ``profiles`` are those of its cells, in the
     order of ``keys``, and ``factors`` what the cells have in common; ``config`` is the bench with the planner.
-    ``folder`` is for the episode's film and page, if it has them.
+    ``folder`` is for the episode's film and page, if it has them, which name the bench's ``origin``.
     """
 
     config: RobotBench
@@ -77,6 +78,7 @@ class EpisodeUnit(Unit):
     profiles: tuple[str, ...] = ("",)
     lessons: Lessons = Lessons()
     folder: Path | None = None
+    origin: Origin | None = None
 
 
 def chosen_components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, Any]:
@@ -116,10 +118,10 @@ class _Watched(SilentListener):
         """Keep the robot's state at a frame."""
         self._moments.append(moment)
 
-    def write(self, folder: Path, config: RobotBench) -> None:
+    def write(self, folder: Path, config: RobotBench, origin: Origin | None) -> None:
         """The episode's folder, with its film and page."""
         assert self.record is not None
-        recorder = RunRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)), command="bench")
+        recorder = RunRecorder(folder, OmegaConf.to_yaml(OmegaConf.structured(config)), "bench", origin)
         for moment in self._moments:
             image = recorder.attempt("A frame of the film", moment.draw) if moment.draw is not None else None
             if image is not None:
@@ -148,7 +150,7 @@ def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, floa
         shutil.rmtree(unit.folder, ignore_errors=True)  # of an earlier try
         check = listener.record.success_check
         if config.films == "all" or not (check and check.relaxed):
-            listener.write(unit.folder, config)
+            listener.write(unit.folder, config, unit.origin)
     return listener.record, round(seconds, 3)
 
 

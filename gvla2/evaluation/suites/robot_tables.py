@@ -96,9 +96,8 @@ def _of_setting(
         whole = {name: some for name, some in groups.items() if set(some) <= set(suites)}
         whole = whole or {"all suites": suites}
         sheets.append(_by_suite(columns, suites, whole, published, f"{title}: success by suite"))
-    if all(
-        "/" in task for task in tasks
-    ):  # a robot's own task has one success check: both profiles are the same
+    # A robot's own task has one success check: both profiles are the same.
+    if all("/" in task for task in tasks):
         sheets.append(_success(columns, tasks, PROFILES[0], f"{title}: success"))
     else:
         sheets += [_success(columns, tasks, one, f"{title}: success, {one}") for one in PROFILES]

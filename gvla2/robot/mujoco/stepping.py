@@ -136,9 +136,8 @@ class EnvWorld:
         np.random.seed(seed % 2**32)
         with silent():
             self.env.reset()
-        self.hand.current_action = np.zeros_like(
-            self.hand.current_action
-        )  # the environment leaves it as it was
+        # The environment leaves it as it was.
+        self.hand.current_action = np.zeros_like(self.hand.current_action)
         self.data = self.env.sim.data._data
 
 
