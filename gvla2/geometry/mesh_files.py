@@ -306,11 +306,8 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
             for attributes in filter(None, (primitive["attributes"], draco.get("attributes"))):
                 first = attributes.pop("TEXCOORD_0", None)
                 attributes["TEXCOORD_0"] = attributes.get(f"TEXCOORD_{wanted}", first)
-    for primitive in (p for mesh in tree.get("meshes", ()) for p in mesh["primitives"]):
-        for (
-            name,
-            own,
-        ) in _EXACT.items():  # trimesh takes integers for what they are, not for shares of their range
+        # Trimesh takes integers for what they are, not for shares of their range.
+        for name, own in _EXACT.items():
             at = primitive["attributes"].get(name)
             accessor = {} if at is None else tree["accessors"][at]
             if accessor.get("normalized") and "bufferView" in accessor:

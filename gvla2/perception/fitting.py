@@ -151,11 +151,8 @@ def coarse_starts(
     fits = np.abs(heights - seen.height) <= taller
     if not fits.any():
         return None
-    turns, low, high = (
-        turns[fits].reshape(-1, 3, 3),
-        low[fits].reshape(-1, 3),
-        high[fits].reshape(-1, 3),
-    )  # (P, 3)
+    turns = turns[fits].reshape(-1, 3, 3)  # (P, 3, 3)
+    low, high = low[fits].reshape(-1, 3), high[fits].reshape(-1, 3)
     # What is clearly taller than a scan that stands on the table, or lower, stands a little above it, or is sunk.
     off = (seen.height - heights)[fits].repeat(len(TURNS))
     rise = np.where(np.abs(off) > NEAR, off, 0.0)

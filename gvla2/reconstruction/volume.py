@@ -184,9 +184,8 @@ def _fuse(
                         d00, d01 = depth[a, top, left], depth[a, top, left + 1]
                         d10, d11 = depth[a, top + 1, left], depth[a, top + 1, left + 1]
                         low, high = min(min(d00, d01), min(d10, d11)), max(max(d00, d01), max(d10, d11))
-                        if (
-                            low > 0 and high - low < jump
-                        ):  # one surface: between its pixels, not across an edge
+                        # One surface: between its pixels, not across an edge.
+                        if low > 0 and high - low < jump:
                             p, q = u - 0.5 - left, v - 0.5 - top
                             d = (1 - q) * ((1 - p) * d00 + p * d01) + q * ((1 - p) * d10 + p * d11)
                     n = normals[a, row, column]

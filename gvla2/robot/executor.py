@@ -89,9 +89,8 @@ class _Run:
     poses: list[FloatArray] = field(default_factory=list)
     holds: bool | None = False
     opening: float = 1.0  # commanded, in [0, 1]
-    closed_at: FloatArray = field(
-        default_factory=lambda: np.eye(4)
-    )  # tool pose at which the fingers last closed
+    # Tool pose at which the fingers last closed.
+    closed_at: FloatArray = field(default_factory=lambda: np.eye(4))
     began: float | None = None  # the robot's clock when it set out for this waypoint
 
     def __post_init__(self) -> None:

@@ -232,9 +232,8 @@ def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str, shift: 
     spread = max(0.0, job.hand.tip_beyond_tcp * np.cos(tilt) + aside * np.sin(tilt))
     lowest = job.lowest_tcp() - job.hand.tip_beyond_tcp + spread
     height = max(theme.top - theta["grasp_depth"], lowest)
-    inward = (
-        (theme.top - height) * np.tan(tilt) if over_wall else along
-    )  # the hand's axis goes through the rim
+    # The hand's axis goes through the rim.
+    inward = (theme.top - height) * np.tan(tilt) if over_wall else along
     centre = np.array([*hold.xy, height]) + inward * beside
     snug = 0.1 * (opening < hold.opening) + 0.5 * abs(shift)
     preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost

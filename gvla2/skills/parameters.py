@@ -117,9 +117,8 @@ def defaults(
             values |= {"grasp_depth": min(0.8 * height, deep), "lift_height": 0.12}
         case "insert":  # as low as the table allows
             values |= {"grasp_depth": height}
-        case (
-            "push"
-        ):  # the palm is deeper than the fingers, and passes 15 mm behind the object on the way down
+        case "push":
+            # The palm is deeper than the fingers, and passes 15 mm behind the object on the way down.
             values |= {"standoff": max(0.0, 0.5 * (hand.palm_depth - hand.finger_breadth)) + 0.015}
         case "pull":
             values |= {"grasp_depth": 0.006}

@@ -53,9 +53,8 @@ def bddl_files() -> dict[str, Path]:
         for suite, tasks in maps.items()
         for number, task in enumerate(tasks.values())
     }
-    return {
-        name: file for name, file in files.items() if file.is_file()
-    }  # the package lists some that it lacks
+    # The package lists some that it lacks.
+    return {name: file for name, file in files.items() if file.is_file()}
 
 
 def sentence_of(file: Path) -> str:

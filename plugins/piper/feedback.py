@@ -52,9 +52,8 @@ class Feedback:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._data: dict[int, bytes] = {}
-        self._heard: dict[int, float] = defaultdict(
-            lambda: -NEVER
-        )  # when each frame last came, believable or not
+        # When each frame last came, believable or not.
+        self._heard: dict[int, float] = defaultdict(lambda: -NEVER)
         self._joints = np.full(6, np.nan)
         self._believed = [-NEVER] * 3  # when each joint frame was last believable
         self._foreign, self._unbelievable = "", ""

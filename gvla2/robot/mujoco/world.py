@@ -258,9 +258,8 @@ class WorldDriver:
         for step in itertools.count(1):
             off = float(np.abs(self.joints - samples[-1]).max())
             arrived = off < SETTLED and np.abs(self.world.data.qvel[self._dofs]).max() < SLOW
-            if (
-                step > count and off < nearest - SETTLED
-            ):  # late, since its motors are at their limits, but on its way
+            # Late, since its motors are at their limits, but on its way.
+            if step > count and off < nearest - SETTLED:
                 nearest, until = off, step + patience
             if self._over() or step >= until or (step > count and arrived):
                 break
