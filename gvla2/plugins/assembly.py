@@ -43,7 +43,12 @@ def build_components(
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
     if choices is None:
         idle = GEOMETRY[1:] if registry.chosen(config, "reconstructor") == NONE else ()
-        needs = {need for kind in registry.kinds for one in registry.components(kind).values() for need in one.needs}
+        needs = {
+            need
+            for kind in registry.kinds
+            for one in registry.components(kind).values()
+            for need in one.needs
+        }
         idle = {*idle, *(needs - set(built))}
         choices = {kind: getattr(config, kind).name for kind in registry.groups if kind not in idle}
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
