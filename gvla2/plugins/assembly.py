@@ -26,7 +26,8 @@ def build_components(
     """All components that the configuration chose; the caller closes the robot and the memory.
 
     ``choices`` are their names in the record, by default their names by group, without those that nothing uses here;
-    ``branch`` the options of the reconstruction branch. Raises :class:`ConfigurationError` for a camera that the robot would not use.
+    ``branch`` the options of the reconstruction branch. Raises :class:`ConfigurationError` for a camera that the
+    robot would not use.
     """
     from gvla2.episode.loop import Components
     from gvla2.episode.refine import GeometryComponents
