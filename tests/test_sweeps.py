@@ -223,7 +223,8 @@ def test_a_pipe_in_place_of_a_jobs_result_holds_nothing_up(tmp_path: Path):
 
 def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path: Path):
     digest = sweeps.digest_of(compose_run("seed=1"))
-    row: dict[str, Any] = {"status": "ok", "digest": digest, "episodes": 4, "succeeded": 3}
+    row: dict[str, Any] = {"job": 0, "overrides": {}, "results": "", "status": "ok", "digest": digest}
+    row |= {"episodes": 4, "succeeded": 3}
     (tmp_path / sweeps.JOB).write_text(json.dumps(row))
     assert sweeps.done_before(tmp_path, sweeps.digest_of(compose_run("seed=1", "quiet=false"))) == 0.75
     assert sweeps.done_before(tmp_path, sweeps.digest_of(compose_run("seed=2"))) is None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -22,8 +23,9 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, reading
 from gvla2.io.files import write_json
+from gvla2.record.text import printable
 
 if TYPE_CHECKING:
     from gvla2.commands.run import RunConfig
@@ -149,23 +151,29 @@ def conclude(status: int, argv: Sequence[str]) -> int:
     folder, SweepFolder.latest = SweepFolder.latest, None
     if folder is None:
         return status
-    rows = [(file.parent, _read(file)) for file in folder.glob(f"*/{JOB}")]
-    rows = sorted(((place, row) for place, row in rows if row), key=lambda each: int(each[1]["job"]))
+    rows = read_jobs(folder)
     try:
         if rows:
-            _publish(folder, rows)
+            publish_jobs(folder, rows)
     except Gvla2Error as error:
-        print(f"gvla2: the table of the sweep could not be made: {error}", file=sys.stderr)
+        print(f"gvla2: the table of the sweep could not be made: {printable(str(error))}", file=sys.stderr)
         status = status or 1
     broken = any(row.get("status") != "ok" and not row.get("refused") for _, row in rows)
     if status in _STOPPED or (status and broken):
         words = [word for word in argv if not word.startswith("hydra.sweep.dir=")]
         command = shlex.join(["gvla2", "run", *words, f"hydra.sweep.dir={folder}"])
-        print(f"gvla2: finished jobs are kept. To resume: {command}", file=sys.stderr)
+        print(f"gvla2: finished jobs are kept. To resume: {printable(command)}", file=sys.stderr)
     return status
 
 
-def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
+def read_jobs(folder: Path) -> list[tuple[Path, Mapping[str, Any]]]:
+    """The jobs of a sweep by number: their folders, and what they left; without files that no job wrote."""
+    rows = [(file.parent, _read(file)) for file in folder.glob(f"*/{JOB}")]
+    return sorted(((place, row) for place, row in rows if row), key=lambda each: each[1]["job"])
+
+
+def publish_jobs(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
+    """Make the table of a sweep's jobs in every format, and keep them in the results database."""
     from gvla2.commands.report import publish
     from gvla2.evaluation.results import Cell, Results, cell_key
     from gvla2.evaluation.sweeps import SUITE
@@ -195,10 +203,15 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
 
 
 def _read(file: Path) -> dict[str, Any]:
-    if not file.is_file():  # reading a pipe would never end
-        return {}
+    """What a job left, checked; empty where there is no file, or one that no job wrote."""
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        with reading("a job", file):
+            row: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+            numbers = [row["job"], *(row.get(name, 0) for name in _MEASURES)]
+            layouts = [(int(seed), bool(done), bool(strict)) for seed, done, strict in row.get("layouts", ())]
+            if not all(map(math.isfinite, numbers)):
+                raise ValueError("its numbers are not finite.")
+            texts = {name: str(row[name]) for name in ("status", "results")}
+            return {**row, **texts, "overrides": dict(row["overrides"]), "layouts": layouts}
+    except GeometryError:
         return {}
-    return found if isinstance(found, dict) else {}
