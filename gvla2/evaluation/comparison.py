@@ -156,10 +156,10 @@ def effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
     sure = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in different(by_task).items())
     unsure = change.low <= 0 <= change.high or p >= SURE
     tone: Tone = "" if unsure else "better" if change.value > 0 else "worse"
-    lines = (
+    lines = [
         f"{change.value:+.1f} points",
         f"[{change.low:+.1f}, {change.high:+.1f}]",
         f"{won} : {lost} of {len(everything)}, p {p:.3g}",
-        sure or "no task by itself",
-    )
-    return SheetCell(lines, tone=tone)
+        *([sure or "no task by itself"] if len(by_task) > 1 else []),
+    ]
+    return SheetCell(tuple(lines), tone=tone)

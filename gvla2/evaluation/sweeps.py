@@ -111,7 +111,8 @@ def _pivot(cells: list[Cell]) -> list[Sheet]:
         if compared:
             line.append(text_cell("") if rates[label] is first else effect(pairs))
         success.append(SheetRow(label + _marked(members), tuple(line)))
-    title = f"Runs: {', '.join(names) or 'nothing'} varied"
+    shown = [name for name in names if name != "seed"] or names
+    title = f"Runs: {', '.join(shown) or 'nothing'} varied"
     jobs, failed = len(grouped(cells, "job")), len(grouped([c for c in cells if c.status != "ok"], "job"))
     counts = f"{count(jobs, 'job')}{f', {failed} of them failed' if failed else ''}"
     films = [
