@@ -217,15 +217,9 @@ def runs(folder: Path) -> Targets:
     ]
     (folder / "lessons.jsonl").write_text("\n".join(lines))
     (folder / "jobs" / "0").mkdir(parents=True)
-    job = {
-        "job": 0,
-        "overrides": {"seed": "0"},
-        "status": "ok",
-        "digest": "d",
-        "episodes": 1,
-        "succeeded": 1.0,
-    }
-    job |= {"results": f"sqlite:///{folder}/results.db", "seconds": 1.0, "layouts": [[0, True, True]]}
+    row = {"factors": {"seed": 0}, "measures": {"success": 1.0, "seconds": 1.0}, "notes": {"folder": "x"}}
+    job = {"job": 0, "overrides": {"seed": "0"}, "status": "ok", "digest": "d", "value": 1.0, "rows": [row]}
+    job |= {"results": f"sqlite:///{folder}/results.db"}
     (folder / "jobs" / "0" / "job.json").write_text(json.dumps(job))
 
     def exported(path: Path) -> None:
@@ -238,7 +232,7 @@ def runs(folder: Path) -> Targets:
 
     def published(path: Path) -> None:
         if jobs := read_jobs(path.parent.parent):
-            publish_jobs(path.parent.parent, jobs)
+            publish_jobs("run", path.parent.parent, jobs)
 
     episode = ("result.json", "motion.npz", "episode.mp4", "config.yaml")
     return {

@@ -160,7 +160,7 @@ class MujocoArm:
             if listener.wants_frames:
                 listener.frame(draw())
 
-        driver.film = (lambda: None) if listener is _SILENT else film
+        driver.film = (lambda: None) if listener is _SILENT or not config.video_fps else film
         options = ExecutorOptions(velocity_scale=0.9, acceleration=config.acceleration)
         faster = Trajectory(tuple(replace(w, speed=config.pace * w.speed) for w in trajectory))
         return execute(faster, scene, made.arm, driver, listener, options)

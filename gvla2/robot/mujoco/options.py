@@ -14,7 +14,7 @@ class MujocoConfig(ComponentConfig):
 
     ``cameras`` are the model's, with square images of ``image_size`` pixels; where ``picture_size`` is larger, their
     colours can also be read with that many, as text on packages is. The film, if one is asked for, is taken by
-    the first of them with ``video_size`` pixels and ``video_fps`` pictures a second. ``joint_speed`` and
+    the first of them with ``video_size`` pixels and ``video_fps`` pictures a second, none at 0. ``joint_speed`` and
     ``acceleration`` bound the arm's joints (rad/s, rad/s²), ``pace`` multiplies the tool speeds of plans. ``stiffness``
     is the gain of the joint controller (1/s²). ``viewpoint`` is from where instructions name sides: "robot", or
     "facing" it, like a camera opposite.
@@ -32,10 +32,8 @@ class MujocoConfig(ComponentConfig):
     viewpoint: str = "robot"
 
     def __post_init__(self) -> None:
-        sizes, rates = (
-            ("image_size", "video_size", "video_fps"),
-            ("joint_speed", "acceleration", "pace", "stiffness"),
-        )
-        check_ranges(self, "robot", dict.fromkeys(sizes + rates, (0.001, 1000000.0, "")))
+        positive = ("image_size", "video_size", "joint_speed", "acceleration", "pace", "stiffness")
+        ranges = dict.fromkeys(positive, (0.001, 1000000.0, "")) | {"video_fps": (0.0, 1000.0, "")}
+        check_ranges(self, "robot", ranges)
         if self.viewpoint not in ("robot", "facing"):
             raise ConfigurationError(f"robot.viewpoint={self.viewpoint} must be robot or facing.")
