@@ -96,7 +96,7 @@ def kill_once(kind: str, seconds: float, rng: random.Random) -> list[str]:
             faults.append(f"run again: {(folder / 'log.txt').read_text()[-300:]}")
         faults += unnamed(folder, "run again") if kind in ("sweep", "workers") else []
         for bank in folder.rglob("memory.db"):
-            words = [sys.executable, "-m", "gvla2", "memory", "verify", f"memory.url=sqlite:///{bank}"]
+            words = [sys.executable, "-m", "gvla2", "memory", "verify", f"url=sqlite:///{bank}"]
             if subprocess.run(words, capture_output=True, check=False).returncode:
                 faults.append(f"{bank.relative_to(folder)} does not verify")
     return faults
