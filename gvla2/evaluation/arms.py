@@ -114,6 +114,20 @@ def chosen_memory(config: MemoryArms, registry: Registry, arm: BenchArm, bank: s
     return {**{kind: getattr(config, kind) for kind in helpers}, "memory": options}
 
 
+_EMBEDDERS: dict[str, Any] = {}
+"""By configuration, for all memories of this process: a model takes seconds to load."""
+
+
+def open_memory(config: MemoryArms, registry: Registry, arm: BenchArm, bank: str) -> Memory:
+    """An arm's memory, on the bank in the file ``bank`` if it has one."""
+    key = repr(config.embedder)
+    built = {"embedder": _EMBEDDERS[key]} if key in _EMBEDDERS else {}
+    memory: Memory = registry.build(chosen_memory(config, registry, arm, bank), "memory", built)
+    if "embedder" in built:
+        _EMBEDDERS[key] = built["embedder"]
+    return memory
+
+
 Story = tuple[MemoryEpisode, Verdict]
 """What memory learns from an explored episode, and the robot's own verdict, never the success check's."""
 STORIES: TypeAdapter[tuple[Story, ...]] = TypeAdapter(tuple[Story, ...])
