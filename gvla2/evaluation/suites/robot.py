@@ -128,7 +128,7 @@ class School:
             self._stories.setdefault(unit.subject, []).extend(found)
         stresses, seed = stresses_of(design.config), design.config.seeds[0]
         everything = [story for some in self._stories.values() for story in some]
-        self._others = crowd(everything, seed) if "crowd" in stresses else []
+        self._others = crowd(everything) if "crowd" in stresses else []
         self._heard: list[Story] = []
         if "import" in stresses:
             self._heard = hearsay(design.subjects, self._stories, registry, seed)

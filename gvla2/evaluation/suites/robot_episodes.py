@@ -96,25 +96,33 @@ def chosen_components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, 
     return {**chosen, "task": dict(task), "memory": {"name": "none"}}
 
 
-def run_group(group: EpisodeGroup, registry: Registry) -> Iterator[Cell]:
-    """Run the episodes here. One in which a component crashed is a failure; the next has fresh components."""
-    ran: list[Ran] = []
-    for unit in group.episodes:
-        exploring = unit.arm.name == EXPLORED
-        with _memory(unit, registry) as memory:
-            components = replace(_components_of(unit, registry), memory=memory)
-            if exploring:
-                components = replace(components, planner=_exploring(unit, registry, components))
-            record, seconds = _alike(unit, components, ran) or _run(unit, components)
-            explored = tuple(stories_of(record, components.skills)) if exploring else ()
-        if failure_class(record) in ("error", "setup"):
-            release()
-        ran.append((record, seconds))
-        yield from cells_of(unit, record, seconds, explored)
-
-
 Ran = tuple[EpisodeRecord, float]
 """An episode's record and its seconds."""
+
+
+def run_group(group: EpisodeGroup, registry: Registry) -> Iterator[Cell]:
+    """Run the episodes here."""
+    ran: list[Ran] = []
+    for unit in group.episodes:
+        yield from run_unit(unit, registry, ran)
+
+
+def run_unit(unit: EpisodeUnit, registry: Registry, ran: list[Ran]) -> list[Cell]:
+    """Run one of a group's episodes and add it to those that ``ran``.
+
+    One in which a component crashed is a failure; the next has fresh components.
+    """
+    exploring = unit.arm.name == EXPLORED
+    with _memory(unit, registry) as memory:
+        components = replace(_components_of(unit, registry), memory=memory)
+        if exploring:
+            components = replace(components, planner=_exploring(unit, registry, components))
+        record, seconds = _alike(unit, components, ran) or _run(unit, components)
+        explored = tuple(stories_of(record, components.skills)) if exploring else ()
+    if failure_class(record) in ("error", "setup"):
+        release()
+    ran.append((record, seconds))
+    return cells_of(unit, record, seconds, explored)
 
 
 def _alike(unit: EpisodeUnit, components: Components, ran: Sequence[Ran]) -> Ran | None:

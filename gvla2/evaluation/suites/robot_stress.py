@@ -29,7 +29,7 @@ from gvla2.skills.table import STANDARD
 WRONG = 0.2
 """The share of the verifier's sure verdicts that are wrong."""
 HEARD, CLAIMED = 30, 10
-"""Number of imported lessons, every second one wrong, and how many successes each claims."""
+"""Number of imported lessons, every second one wrong, and how many successes the first claims; each claims one more."""
 CROWD, BUDGET = 2000, 50
 """Number of lessons of other tasks, and of active records that a bank with a budget keeps."""
 OTHER_SKILLS = ("pick", "place", "push", "insert", "draw", "close")
@@ -61,11 +61,11 @@ def in_world(task: Mapping[str, Any], stresses: frozenset[str]) -> dict[str, Any
     return {**task, **{name: True for name, given in changed.items() if given}}
 
 
-def crowd(known: Iterable[Story], seed: int) -> list[Story]:
+def crowd(known: Iterable[Story]) -> list[Story]:
     """Successes of other tasks, which teach 2,000 lessons in the words of our own, three an episode; their verdicts are
     drawn from the ``known`` ones.
     """
-    rng = np.random.default_rng([seed, CROWD])
+    rng = np.random.default_rng(CROWD)
     good = [verdict for _, verdict in known if verdict.outcome == "verified_success"]
     verdicts = good or [Verdict.from_criteria({"task_completion": 1.0})]
     kinds = list(product(OTHER_SKILLS, BUILDS, COLOURS, ("box", "cylinder", "disc", "object")))
@@ -130,10 +130,11 @@ def hearsay(
             )
         one = task.hearsay(rng, wrong=bool((number // len(rows) + place) % 2))
         look = _look(stories.get(subject, ()), one.skill, one.parameter)
-        effect = Prior(one.parameter, one.value, count=CLAIMED, skill=one.skill, object=look).to_json()
+        count = CLAIMED + number
+        effect = Prior(one.parameter, one.value, count=count, skill=one.skill, object=look).to_json()
         words = f"To {one.sentence}, the {one.parameter.replace('_', ' ')} must be {one.value:.3g}."
         lesson = Lesson(
-            "procedural_hint", f"{words} Certain: tried {CLAIMED} times, it never failed.", effect
+            "procedural_hint", f"{words} Certain: tried {count} times, it never failed.", effect
         )
         found.append(
             (MemoryEpisode(MemoryTask(one.sentence, skill=one.skill), (lesson,), source=SOURCE), sure)

@@ -86,13 +86,12 @@ def robot_sheets(
 
 
 def _named(cells: Sequence[Cell]) -> list[Cell]:
-    """The cells with their arms' names in tables: with a variant's options, and how it learns where arms differ in
-    that.
-    """
-    ways = {cell.factors["learning"] for cell in cells if "learning" in cell.factors}
+    """The cells with their arms' names in tables: with a variant's options, and how it learns where arms differ."""
+    learned = [cell.texts("learning")[0] for cell in cells if "learning" in cell.factors]
+    shown = ["variant", "learning"] if len({*learned}) > 1 else ["variant"]
     found = []
     for cell in cells:
-        arm, *special = cell.texts("arm", "variant", *(["learning"] if len(ways) > 1 else []))
+        arm, *special = cell.texts("arm", *shown)
         options = ", ".join(filter(None, special))
         found.append(replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm}))
     return found
@@ -141,8 +140,9 @@ def _of_setting(
 
 def _title(cells: Sequence[Cell], names: Sequence[str]) -> str:
     """What all these cells share."""
-    shared = (f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value)
-    return f"Robot ({', '.join(shared)})"
+    shared = [f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value]
+    learned = {cell.texts("learning")[0] for cell in cells if "learning" in cell.factors}
+    return f"Robot ({', '.join(shared + sorted(learned - {''} if len(learned) == 1 else ()))})"
 
 
 def _arms(cells: Sequence[Cell]) -> list[str]:
