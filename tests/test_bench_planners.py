@@ -136,7 +136,7 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
 def test_a_stress_changes_what_the_arms_have_lived_or_heard(registry, tmp_path, units, monkeypatch):
     monkeypatch.setattr(robot_stress, "CROWD", 60)
     monkeypatch.setattr(robot_stress, "BUDGET", 20)
-    given = ["world=learnable", "seeds=[4]", "tasks=[lamp_on]", "arms=['on','semantic']", "episodes=1"]
+    given = ["world=learnable", "seeds=[4]", "tasks=[lamp_on]", "arms=['off','on','semantic']", "episodes=1"]
     stresses = "stresses=[none,verifier,drift,import,crowd,twins,all]"
     config = config_of(registry, tmp_path, *given, "exploration_seeds=[0,1]", "embedder=static", stresses)
     assert run_bench(config, registry, tmp_path / "out") == 1
@@ -152,10 +152,11 @@ def test_a_stress_changes_what_the_arms_have_lived_or_heard(registry, tmp_path, 
     assert len(explored) == 2 * len(lived), "both families, each once for all the stresses"
     known: dict[tuple[str, str], Counter] = {}
     for unit in units:
-        if unit.arm.name != "exploration":
+        if unit.arm.learns:
             with KnowledgeBank(f"sqlite:///{unit.lessons.bank}", bank=BANKS[unit.arm.name]) as bank:
                 states = Counter(record.state for record in bank.records())
                 known[unit.factors["stress"], unit.arm.name] = states
+    assert len(rows_of(tmp_path / "out")) == 7 * 3 * 2, "stresses x arms x families"
     own = known["none", "on"]["active"]
     assert known["import", "on"] == {"active": own, "provisional": 30}
     assert known["import", "semantic"]["active"] == known["none", "semantic"]["active"] + 30

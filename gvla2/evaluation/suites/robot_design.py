@@ -203,7 +203,7 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
     plan = []
     for (subject, task), arm in product(rows.items(), arms):
         past: Any = (lessons, _memory_key(config, registry, arm)) if arm.learns else ()
-        past = (past, arm.replan)
+        past = (past, arm.replan, *config.stresses)
         own = {"variant": arm.variant} if arm.variant else {}
         own |= {"learning": _learning_label(config)} if arm.learns else {}
         for place, layout in _places(config):

@@ -62,7 +62,7 @@ def test_success_is_shown_with_its_interval():
 def test_groups_that_cannot_be_compared_get_tables_of_their_own_and_the_later_run_counts():
     again = [replace(c, run=2, measures={**c.measures, "success": True}) for c in cells()]
     tables = robot_sheets([*again, *cells()])
-    assert text_of(tables[0], "lamp_on", "memory off")[0] == "100.0"
+    assert text_of(tables[0], "lamp_on (saturated)", "memory off")[0] == "100.0"
     seen = [replace(c, key=c.key + "o", factors={**c.factors, "perceiver": "oracle"}) for c in cells()]
     titles = [table.title for table in robot_sheets([*cells(), *seen])]
     assert sum("perceiver oracle" in title for title in titles) == len(titles) // 2
