@@ -264,4 +264,6 @@ def likelihood(fit: Fit) -> float:
 def known_shape(fit: Fit) -> KnownShape:
     """The scan at its pose, in its file's frame and units."""
     pose = fit.world_from_scan @ rigid(None, -fit.scan.middle)
-    return KnownShape(fit.scan.name, fit.scan.path, pose, fit.scan.scale, round(fit.residual, 5))
+    ups = fit.scan.rests[:, 2]
+    up = ups[int(np.argmax(ups @ pose[2, :3]))]
+    return KnownShape(fit.scan.name, fit.scan.path, pose, fit.scan.scale, round(fit.residual, 5), up)

@@ -34,6 +34,7 @@ ON_TOP = 0.02  # metres: largest gap of a lid on its box, a cap on its bottle, a
 ALMOST = 0.85  # share of the target below which it is a clear miss: angles and distances err by less
 OVER = 0.02  # metres beside a button where the tool may press it
 CLOSE = 2 / 3  # of an object's width beside its target, below which it may touch it
+TILTED = 0.26  # radians: a known object that leans by more than 15 degrees does not stand where it was put
 ASTRAY = 0.06  # metres: an object this far beside the line of a pull is a different one
 
 
@@ -187,6 +188,9 @@ def _placed(case: Case, theme: SceneObject, goal: SceneObject | None) -> Score:
             return Score(DOUBTFUL, f"{theme.label} does not rest on the table.")
         return Score(DONE, f"{theme.label} rests beside {goal.label}, as planned.")
     found, now = _inside(case, later, goal), case.goal_now(goal)
+    lean = float(np.linalg.norm(later.righting))
+    if found.score == DONE and lean > TILTED:
+        return Score(DOUBTFUL, f"{theme.label} leans by {np.degrees(lean):.0f}° on {goal.label}.")
     if found.score != DONE and difference(theme, later) > UNLIKE:
         with suppress(InconclusiveError):
             return _taken_in(case, theme, goal)  # its match may be a piece of the container
