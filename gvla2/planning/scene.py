@@ -58,8 +58,8 @@ class KnownShape:
 
     ``path`` is the scan's file (.obj, .glb, .ply); ``scale`` takes its units to metres, and ``world_from_scan``
     (4, 4), rigid, takes the scaled vertices to the world. ``residual`` is the median distance of the seen points
-    from the placed surface, metres. ``up`` (3,), in the scan's frame, is vertical in the resting pose that is nearest
-    to this one, None where its resting poses are unknown.
+    from the placed surface, metres. ``up`` (3,), in the scan's frame, is vertical in the resting pose in which it
+    should stand, the upright or the nearest one; None where its resting poses are unknown.
     """
 
     name: str
@@ -147,8 +147,8 @@ class SceneObject:
 
     @property
     def righting(self) -> FloatArray:
-        """(3,) rotation vector, world, radians, that stands a known object as it rests on a level surface; 0 if it does
-        or if its resting poses are unknown.
+        """(3,) rotation vector, world, radians, that turns a known object to how it should stand on a level surface;
+        0 if it stands so or if its resting poses are unknown.
         """
         if self.known is None or self.known.up is None:
             return np.zeros(3)

@@ -158,6 +158,8 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
     )
 
 
+ASLANT = 0.2
+"""Lean of a known object, radians, from which its upright box says little about where it can be held."""
 SQUARE = 0.9
 """Least cosine between surface and fingers if a box or can is grasped by its surface: chords of a can too wide for the
 hand, and corners of a box, would
@@ -167,7 +169,7 @@ squeeze it out. Exempt are plates, whose boxes say little about their outlines, 
 def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
     """The box's grasps that agree with the object's surface: some of it between the fingers, none in their way.
 
-    Irregular objects, and those for which none agrees, also have grasps by their surface.
+    Irregular objects, those that lean, and those for which none agrees also have grasps by their surface.
     """
     skin, hand = skin_of(job.theme), job.hand
 
@@ -176,7 +178,7 @@ def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
         return skin is None or held_between(skin, grasp.rotation, grasp.centre, opening, hand)
 
     found = [grasp for grasp in boxed if fits(grasp)]
-    if job.theme.shape in ("other", "bar"):
+    if job.theme.shape in ("other", "bar") or np.linalg.norm(job.theme.righting) > ASLANT:
         return [*found, *_by_surface(job)]
     rim = job.theme.shape == "plate" or job.theme.opening > 0.0
     return found or _by_surface(job, 0.0 if rim else SQUARE) or boxed

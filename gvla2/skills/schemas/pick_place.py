@@ -25,6 +25,8 @@ LEANING = 0.03
 """A stuck object that leans by a smaller share of its length is lifted straight up."""
 ASLANT = 0.05
 """Lean of a known object below which it is put down as it was taken, radians: recognised poses are off by this much."""
+PARTLY = (0.7, 0.4, 0.0)
+"""Shares of its lean by which such an object is turned upright where the arm cannot turn it all the way."""
 BENT = 0.15
 """Deduction from the preference for a lift that is not straight: it takes longer."""
 
@@ -150,12 +152,14 @@ def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
 @dataclass(frozen=True)
 class Way:
     """How an object is taken and put down: ``straight`` up, or around what is above it; the hand coming down
-    ``between`` taller neighbours; let go of ``drop`` metres higher than usual.
+    ``between`` taller neighbours; let go of ``drop`` metres higher than usual. A known one that leans is turned
+    ``upright`` by that share of its lean.
     """
 
     straight: bool = True
     between: bool = False
     drop: float = 0.0
+    upright: float = 1.0
 
 
 def propose_place(job: Job) -> list[Proposal] | Abstention:
@@ -170,6 +174,8 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
         (Way(), _aside(job, spots)),
         (Way(between=True), spots),
     ]
+    if np.linalg.norm(job.theme.righting) > ASLANT:
+        ways += [(Way(upright=share), spots) for share in PARTLY]
     if job.goal is not None and job.goal.opening > 0.0:
         ways += [(Way(between=between, drop=drop), spots) for drop in DROPS for between in (False, True)]
     return [
@@ -295,7 +301,7 @@ def _place(
     """Take the theme, carry it over the spot (3,), and put it down."""
 
     def way() -> Trajectory:
-        upright, held = righted(job, grasp)
+        upright, held = righted(job, grasp, how.upright)
         over = over_spot(upright, held, spot, turn)
         path = brought(job, grasp, over, how)
         put_down(upright, path, held, over, spot, how.drop)
@@ -309,13 +315,14 @@ def _place(
     named += "" if how.straight else ", around what is above it"
     named += ", from between its neighbours" if how.between else ""
     named += f", dropped by {1e3 * how.drop:.0f} mm" if how.drop else ""
+    named += f", turned upright by {100 * how.upright:.0f} %" if how.upright < 1.0 else ""
     return Proposal(named, grasp.approaches, preference, way, reserve=reserve)
 
 
-def righted(job: Job, grasp: Grasp) -> tuple[Job, Grasp]:
-    """The job and the grasp as they are when a theme that leans has been turned upright in the hand's grip."""
+def righted(job: Job, grasp: Grasp, share: float = 1.0) -> tuple[Job, Grasp]:
+    """The job and the grasp as they are when the hand has turned a theme that leans upright, by a share of its lean."""
     theme, skin = job.theme, skin_of(job.theme)
-    turn = Rotation.from_rotvec(theme.righting)
+    turn = Rotation.from_rotvec(share * theme.righting)
     if turn.magnitude() < ASLANT or skin is None:
         return job, grasp
     about = rigid(turn.as_matrix(), theme.centre - turn.apply(theme.centre))
