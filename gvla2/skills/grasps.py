@@ -10,8 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.arm import Hand
 from gvla2.planning.calls import GraspOptions
 from gvla2.planning.contracts import Abstention
@@ -164,8 +165,9 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
     )
 
 
-ASLANT = 0.2
-"""Lean of a known object, radians, from which its upright box says little about where it can be held."""
+ASLANT = 0.1
+"""Lean of a known object, radians, from which its upright box says little about where it can be held, and from which it
+is turned upright on its way: recognised poses are off by less."""
 SQUARE = 0.9
 """Least cosine between surface and fingers if a box or can is grasped by its surface: chords of a can too wide for the
 hand, and corners of a box, would
@@ -184,7 +186,9 @@ def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
         return skin is None or held_between(skin, grasp.rotation, grasp.centre, opening, hand)
 
     found = [grasp for grasp in boxed if fits(grasp)]
-    if job.theme.shape in ("other", "bar") or np.linalg.norm(job.theme.righting) > ASLANT:
+    if np.linalg.norm(job.theme.righting) > ASLANT:
+        return [*found, *_as_if_standing(job), *_by_surface(job)]
+    if job.theme.shape in ("other", "bar"):
         return [*found, *_by_surface(job)]
     rim = job.theme.shape == "plate" or job.theme.opening > 0.0
     return found or _by_surface(job, 0.0 if rim else SQUARE) or boxed
@@ -196,6 +200,37 @@ def _by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
     for one in antipodal(job.theme, job.hand, job.scene.table_height, job.outward(), facing):
         found += [one, replace(one, description=f"{one.description} turned round", closing=-one.closing)]
     return found
+
+
+def _as_if_standing(job: Job) -> list[Grasp]:
+    """Grasps by the surface of what leans, as they would be if it stood, turned with it."""
+    upright, about = standing(job.theme)
+    back = invert_rigid(about)
+    return [
+        replace(
+            one, description=f"{one.description}, leaning with it", centre=transform_points(back, one.centre),
+            closing=back[:3, :3] @ one.closing, approach=back[:3, :3] @ one.approach,
+        )
+        for one in _by_surface(replace(job, theme=upright))
+    ]  # fmt: skip
+
+
+def standing(theme: SceneObject, share: float = 1.0) -> tuple[SceneObject, FloatArray]:
+    """A known object that leans, turned upright about its middle by a share of its lean, and that motion (4, 4).
+
+    Let go of, it falls upright about its lowest point: the middle of its box is where it will be then.
+    """
+    skin = skin_of(theme)
+    if np.linalg.norm(theme.righting) < ASLANT or skin is None:
+        return theme, np.eye(4)
+    turn, fall = (Rotation.from_rotvec(part * theme.righting) for part in (share, 1.0 - share))
+    about = rigid(turn.as_matrix(), theme.centre - turn.apply(theme.centre))
+    axes = theme.world_from_object[:3, :3]
+    surface = transform_points(about, skin.points) @ axes
+    low, high = surface.min(axis=0), surface.max(axis=0)
+    middle, foot = axes @ (0.5 * (low + high)), axes @ surface[surface[:, 2].argmin()]
+    box = rigid(axes, [*(foot + fall.apply(middle - foot))[:2], middle[2]])
+    return replace(theme.moved(about), world_from_object=box, extents=high - low), about
 
 
 def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:

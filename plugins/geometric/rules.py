@@ -34,7 +34,7 @@ ON_TOP = 0.02  # metres: largest gap of a lid on its box, a cap on its bottle, a
 ALMOST = 0.85  # share of the target below which it is a clear miss: angles and distances err by less
 OVER = 0.02  # metres beside a button where the tool may press it
 CLOSE = 2 / 3  # of an object's width beside its target, below which it may touch it
-TILTED = 0.26  # radians: a known object that leans by more than 15 degrees does not stand where it was put
+TILTED = 0.17  # radians: a known object that leans by more than 10 degrees does not stand where it was put
 ASTRAY = 0.06  # metres: an object this far beside the line of a pull is a different one
 
 

@@ -10,21 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import CLEAR
 from gvla2.planning.scene import ROUND, SIDES, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard, Trajectory
-from gvla2.skills.antipodal import skin_of
-from gvla2.skills.grasps import grasps
+from gvla2.skills.grasps import ASLANT, grasps, standing
 from gvla2.skills.mechanisms import UP
 from gvla2.skills.proposals import Grasp, Path
 
 LEANING = 0.03
 """A stuck object that leans by a smaller share of its length is lifted straight up."""
-ASLANT = 0.05
-"""Lean of a known object below which it is put down as it was taken, radians: recognised poses are off by this much."""
 PARTLY = (0.7, 0.4, 0.0)
 """Shares of its lean by which such an object is turned upright where the arm cannot turn it all the way."""
 BENT = 0.15
@@ -308,7 +305,7 @@ def _place(
         return path.trajectory()
 
     named = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
-    preference = grasp.preference - 0.05 * (turn != 0.0) - how.drop
+    preference = grasp.preference - 0.05 * (turn != 0.0) - how.drop - 0.5 * (1.0 - how.upright)
     if job.share[1] > 1 and job.goal is not None:  # fingers between the objects need room, too
         closing = Rotation.from_euler("z", turn).apply(grasp.closing)
         preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
@@ -321,17 +318,8 @@ def _place(
 
 def righted(job: Job, grasp: Grasp, share: float = 1.0) -> tuple[Job, Grasp]:
     """The job and the grasp as they are when the hand has turned a theme that leans upright, by a share of its lean."""
-    theme, skin = job.theme, skin_of(job.theme)
-    turn = Rotation.from_rotvec(share * theme.righting)
-    if turn.magnitude() < ASLANT or skin is None:
-        return job, grasp
-    about = rigid(turn.as_matrix(), theme.centre - turn.apply(theme.centre))
-    axes = theme.world_from_object[:3, :3]
-    surface = transform_points(about, skin.points) @ axes
-    low, high = surface.min(axis=0), surface.max(axis=0)
-    box = rigid(axes, axes @ (0.5 * (low + high)))
-    upright = replace(theme.moved(about), world_from_object=box, extents=high - low)
-    closing, approach = turn.apply(grasp.closing), turn.apply(grasp.approach)
+    upright, about = standing(job.theme, share)
+    closing, approach = about[:3, :3] @ grasp.closing, about[:3, :3] @ grasp.approach
     held = replace(grasp, centre=transform_points(about, grasp.centre), closing=closing, approach=approach)
     return replace(job, theme=upright), held
 
