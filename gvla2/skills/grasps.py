@@ -168,6 +168,8 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
 ASLANT = 0.1
 """Lean of a known object, radians, from which its upright box says little about where it can be held, and from which it
 is turned upright on its way: recognised poses are off by less."""
+BEYOND = 0.015
+"""How far the upright box of what leans reaches beyond its own, about, metres."""
 SQUARE = 0.9
 """Least cosine between surface and fingers if a box or can is grasped by its surface: chords of a can too wide for the
 hand, and corners of a box, would
@@ -210,6 +212,7 @@ def _as_if_standing(job: Job) -> list[Grasp]:
         replace(
             one, description=f"{one.description}, leaning with it", centre=transform_points(back, one.centre),
             closing=back[:3, :3] @ one.closing, approach=back[:3, :3] @ one.approach,
+            back=(one.back or 0.0) + BEYOND,
         )
         for one in _by_surface(replace(job, theme=upright))
     ]  # fmt: skip
