@@ -15,8 +15,9 @@ from gvla2.planning.scene import SIDES, TOUCHING, Scene, SceneObject
 
 CLOSE, BESIDE = 0.012, 0.25
 """Heights that differ less may touch; objects next to one another are no further apart, edge to edge; metres."""
-LEANING = 0.2
-"""A known object that leans by more, radians, and touches another does not stand by itself."""
+ASLANT = 0.2
+"""A known object that leans by more does not stand by itself, radians; one that is seen from one side may seem to lean
+by less."""
 ASKEW = 0.35
 """What stands on the edge of something has its middle no further beyond it than this share of its own width."""
 SQUARE = 0.5
@@ -146,7 +147,7 @@ def _apart(one: SceneObject, other: SceneObject) -> float:
 
 
 def _leans(obj: SceneObject, mark: SceneObject) -> bool:
-    return bool(np.linalg.norm(obj.righting) > LEANING and _apart(obj, mark) < TOUCHING)
+    return bool(np.linalg.norm(obj.righting) > ASLANT and _apart(obj, mark) < TOUCHING)
 
 
 def _over(one: SceneObject, other: SceneObject) -> bool:

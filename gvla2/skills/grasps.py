@@ -17,6 +17,7 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.calls import GraspOptions
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import holders, inside
+from gvla2.planning.relations import ASLANT
 from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.skill import Job
 from gvla2.skills.antipodal import WHENCE, antipodal, held_between, skin_of
@@ -165,9 +166,6 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
     )
 
 
-ASLANT = 0.1
-"""Lean of a known object, radians, from which its upright box says little about where it can be held, and from which it
-is turned upright on its way: recognised poses are off by less."""
 BEYOND = 0.015
 """How far the upright box of what leans reaches beyond its own, about, metres."""
 SQUARE = 0.9

@@ -13,10 +13,11 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import CLEAR
+from gvla2.planning.relations import ASLANT
 from gvla2.planning.scene import ROUND, SIDES, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard, Trajectory
-from gvla2.skills.grasps import ASLANT, grasps, standing
+from gvla2.skills.grasps import grasps, standing
 from gvla2.skills.mechanisms import UP
 from gvla2.skills.proposals import Grasp, Path
 
