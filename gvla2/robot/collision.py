@@ -185,10 +185,14 @@ class CollisionModel:
                     continue
                 geometry.addCollisionPair(pin.CollisionPair(i, index))
                 n_world += 1
-        palm = [i for i, link in links if link in self._hand and geometry.geometryObjects[i].parentJoint == tcp]
+        palm = [
+            i for i, link in links if link in self._hand and geometry.geometryObjects[i].parentJoint == tcp
+        ]
         for obj in scene.obstacles(ignored):
             for solid, placement in _walls(obj) if obj.id in allowed else ():
-                index = geometry.addGeometryObject(pin.GeometryObject(obj.id, 0, 0, pin.SE3(placement), solid))
+                index = geometry.addGeometryObject(
+                    pin.GeometryObject(obj.id, 0, 0, pin.SE3(placement), solid)
+                )
                 for i in palm:  # fingers reach into what is open at the top, a palm does not fit
                     geometry.addCollisionPair(pin.CollisionPair(i, index))
                     n_world += 1
