@@ -21,6 +21,7 @@ from gvla2.planning.relations import ASLANT
 from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.skill import Job
 from gvla2.skills.antipodal import WHENCE, antipodal, held_between, skin_of
+from gvla2.skills.mechanisms import UP
 from gvla2.skills.parameters import deepest
 from gvla2.skills.proposals import Grasp, horizontal
 
@@ -38,6 +39,8 @@ and straight fingers slip off a plate's brim, which slopes."""
 DEFAULT = GraspOptions()
 PALM_ROOM, SHALLOWEST = 0.003, 0.006
 """Gap between the palm and a neighbour below it, and the least reach of the fingertips over an object, metres."""
+TILTS = (0.12, -0.12, 0.24, -0.24)
+"""Turns of such a hand about its fingertips, radians: one end of its palm rises, where it would meet what is higher."""
 BRIM = 0.016
 """How much wider than a brim's edge the hand opens, metres: wider fingers would meet the table before they reach it."""
 STEEP, ACROSS = 0.03, 0.3
@@ -245,8 +248,9 @@ def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:
         if theme.top < o.top and float(o.distances([*theme.centre[:2], o.centre[2]])) < reach
     ]
     highest = theme.top - SHALLOWEST + hand.tip_beyond_tcp
-    higher = [min(height, highest) for height in near if height < highest + PALM_ROOM]
-    return [
+    most = highest + 0.5 * hand.palm_breadth * np.sin(max(TILTS))
+    higher = [min(height, highest) for height in near if height < most]
+    raised = [
         replace(
             grasp,
             description=f"{grasp.description}, above its neighbours",
@@ -256,6 +260,18 @@ def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:
         for grasp in found
         if grasp.family == "top" and higher and grasp.centre[2] < max(higher)
     ]
+    tilts = TILTS if higher and max(higher) == highest else ()
+    return [*raised, *(_tilted(grasp, tilt, hand) for grasp in raised for tilt in tilts)]
+
+
+def _tilted(grasp: Grasp, tilt: float, hand: Hand) -> Grasp:
+    """The grasp with one end of the palm raised by a turn about the fingertips, radians."""
+    closing = np.cos(tilt) * grasp.closing + np.sin(tilt) * UP
+    approach = np.cos(tilt) * grasp.approach + np.sin(tilt) * grasp.closing
+    centre = grasp.centre + hand.tip_beyond_tcp * (grasp.approach - approach)
+    how = f"{grasp.description}, tilted by {np.degrees(tilt):.0f}°"
+    preference = grasp.preference - abs(tilt)
+    return replace(grasp, description=how, closing=closing, approach=approach, centre=centre, preference=preference)
 
 
 def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str, shift: float = 0.0) -> Grasp:
