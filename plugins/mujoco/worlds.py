@@ -22,8 +22,8 @@ class MjcfWorld(ModelWorld):
         with reading("robot.mjcf", config.mjcf, RobotError):
             model = mujoco.MjModel.from_xml_path(str(Path(config.mjcf).expanduser()))
         names = ArmNames(config.base, config.tool, tuple(config.joints), tuple(config.fingers))
-        super().__init__(config, model, mujoco.MjData(model), names)
         self.groups, self.table_height = config.geom_groups, config.table_height
+        super().__init__(config, model, mujoco.MjData(model), names)
         self.workspace = Box(np.array(config.workspace_low), np.array(config.workspace_high))
         self.rate, self._settle_seconds = config.rate, config.settle_seconds
         try:

@@ -70,7 +70,7 @@ def test_it_moves_as_the_model_does():
     [
         (("base", "elbow", ("j1", "j2"), ("f1", "f2")), r"elbow.*'upper'"),
         (("base", "hand", ("j1", "j3"), ("f1", "f2")), r"j3.*'j1'"),
-        (("base", "hand", ("j2", "j1"), ("f1", "f2")), r"j1, j2: name them in this order"),
+        (("base", "hand", ("j2", "j1"), ("f1", "f2")), r"j1, j2: name them so"),
         (("base", "hand", ("j1",), ("f1", "j2")), r"two sliding joints on one body"),
     ],
 )

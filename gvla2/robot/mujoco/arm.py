@@ -54,7 +54,7 @@ def robot_bodies(model: Any, base: str) -> list[int]:
 def arm_from_mjcf(model: Any, names: ArmNames, config: ArmConfig, speed: float = 2.0) -> RobotModel:
     """The arm of a compiled model (``mujoco.MjModel``), where it stands in the model's world.
 
-    Of ``config`` the name, the hand, the home, the workspace and the table's height count. MuJoCo knows no limits of
+    ``config`` says what a model leaves open: hand, home, workspace and the table's height. MuJoCo knows no limits of
     ``speed``: it is that of all joints, rad/s. Links are the bodies that move or that ``names`` has, with what is fixed
     to them; a link collides by its geometry that collides and is drawn by the rest, or by all where it has one kind.
     Raises :class:`RobotError` for names that the model lacks and for joints that an arm cannot have.
@@ -82,12 +82,10 @@ def arm_from_mjcf(model: Any, names: ArmNames, config: ArmConfig, speed: float =
     corners: dict[str, list[FloatArray]] = defaultdict(list)
     looks: dict[str, list[Surface]] = defaultdict(list)
     for link, geom in geoms:
-        mesh, world_from_geom = (
-            geom_mesh(model, geom),
-            rigid(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]),
-        )
+        mesh = geom_mesh(model, geom)
         if mesh is None:
             continue
+        world_from_geom = rigid(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
         link_from_geom = invert_rigid(link.world_from_link) @ world_from_geom
         if collides[geom] or link.name not in hard:
             place = pin.SE3(invert_rigid(link.world_from_joint) @ world_from_geom)
@@ -106,11 +104,11 @@ def arm_from_mjcf(model: Any, names: ArmNames, config: ArmConfig, speed: float =
         corners={name: np.concatenate(points) for name, points in corners.items()},
         gripper=_gripper(model, names, links),
     )
-    made = build_arm(description, replace(config, tool_link=names.tool), np.eye(4))
-    if (order := made.arm.kinematics.joint_names) != names.joints:
-        raise RobotError(
-            f"The arm's joints from its base on are {', '.join(order)}: name them in this order."
-        )
+    base = data.body(names.base).xpos.tolist()
+    made = build_arm(description, replace(config, tool_link=names.tool, base_position=base), np.eye(4))
+    order = made.arm.kinematics.joint_names
+    if order != names.joints:
+        raise RobotError(f"The joints of the arm from its base on are {', '.join(order)}: name them so.")
     return made
 
 

@@ -129,7 +129,6 @@ class EnvWorld(ModelWorld):
             self.env.reset()
         # The environment leaves it as it was.
         self.hand.current_action = np.zeros_like(self.hand.current_action)
-        self.data = self.env.sim.data._data
 
 
 def hand_of(env: Any) -> Any:

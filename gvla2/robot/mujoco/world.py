@@ -145,8 +145,8 @@ IMPOSSIBLE = 1e3
 class ModelWorld(Simulation):
     """A compiled model with its state.
 
-    The arm is the one that ``names`` names. Derived worlds begin, step and judge, and say which ``groups`` of geoms
-    cameras see, where the tool may go (``workspace``) and how high the main support is (``table_height``), metres.
+    The arm is the one that ``names`` names. Derived worlds begin, step and judge, and have: the ``groups`` of geoms
+    that cameras see, where the tool may go (``workspace``), and how high the main support is (``table_height``).
     """
 
     groups: Sequence[int]
@@ -156,6 +156,7 @@ class ModelWorld(Simulation):
     def __init__(self, config: MujocoConfig, model: Any, data: Any, names: ArmNames) -> None:
         self.model, self.data, self.names, self._config = model, data, names, config
         self.lag = 2.0 / np.sqrt(config.stiffness)  # of a critically damped joint
+        self.eyes = ModelEyes(model, data, config.cameras, self.groups)
         names.check(model)
         self._qpos = [int(model.joint(name).qposadr[0]) for name in names.joints]
         self._dofs = [int(model.joint(name).dofadr[0]) for name in names.joints]
@@ -171,11 +172,6 @@ class ModelWorld(Simulation):
             workspace_high=self.workspace.high.tolist(),
         )
         return arm_from_mjcf(self.model, self.names, arm, self._config.joint_speed)
-
-    @cached_property
-    def eyes(self) -> ModelEyes:
-        """The cameras."""
-        return ModelEyes(self.model, self.data, self._config.cameras, self.groups)
 
     def measure(self) -> tuple[FloatArray, FloatArray, float]:
         """What the arm's own sensors measure."""
