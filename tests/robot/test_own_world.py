@@ -116,10 +116,6 @@ def test_as_an_environment():
         assert info["instruction"] == "look"
 
 
-def test_it_conforms():
-    check_robot(Kitchen(ComponentConfig()), move=False)
-
-
 def test_the_simulator_of_the_page_lifts_its_cube_in_sixty_lines(tmp_path: Path):
     with plugin_of("your_simulator.md", 0) as text:
         assert text.count("\n") <= 60
