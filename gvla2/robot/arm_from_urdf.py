@@ -170,19 +170,20 @@ def arm_from_urdf(config: ArmConfig) -> RobotModel:
     with reading("an arm", file, RobotError):  # the libraries' errors name no file
         model = pin.buildModelFromXML(urdf)
         solids = pin.buildGeomFromUrdfString(model, urdf, pin.GeometryType.COLLISION)
-        surfaces, shapes = link_surfaces(robot), link_surfaces(robot, drawn=False)
-        corners = {link: np.asarray(shape.vertices) for link, shape in shapes.items()}
-        description = ArmDescription(file.name, model, solids, surfaces, corners, gripper, urdf)
-        return build_arm(description, config, base)
+    surfaces, shapes = link_surfaces(robot), link_surfaces(robot, drawn=False)
+    corners = {link: np.asarray(shape.vertices) for link, shape in shapes.items()}
+    description = ArmDescription(file.name, model, solids, surfaces, corners, gripper, urdf)
+    return build_arm(description, config, base)
 
 
 def build_arm(description: ArmDescription, config: ArmConfig, world_from_base: FloatArray) -> RobotModel:
     """The arm of a description, its base at a pose (4, 4); of the options those of its tool, hand, home and workspace
     count. Raises :class:`RobotError` for what does not fit.
     """
-    kinematics, gripper, hand = _tool(description, config, world_from_base)
-    srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
-    collisions = CollisionModel(kinematics, description.solids, hand_links=gripper.links, srdf=srdf)
+    with reading("an arm", description.source, RobotError):
+        kinematics, gripper, hand = _tool(description, config, world_from_base)
+        srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
+        collisions = CollisionModel(kinematics, description.solids, hand_links=gripper.links, srdf=srdf)
     frames = {
         str(f.name): f for f in kinematics.model.frames if f.type == library("pinocchio").FrameType.BODY
     }
