@@ -136,7 +136,7 @@ class WorkcellConfig(ArmConfig):
 class SimulationConfig(ComponentConfig):
     """Options of a simulator that somebody else built (:mod:`gvla2.robot.simulation`).
 
-    The film has ``video_fps`` pictures a second. ``acceleration`` bounds the arm's joints (rad/s²), ``pace`` multiplies
+    The film has ``video_fps`` pictures a second, none at 0. ``acceleration`` bounds the arm's joints (rad/s²), ``pace`` multiplies
     the tool speeds of plans. ``viewpoint`` is from where instructions name sides: "robot", or "facing" it, like a
     camera opposite.
     """
@@ -147,7 +147,7 @@ class SimulationConfig(ComponentConfig):
     viewpoint: str = "robot"
 
     def __post_init__(self) -> None:
-        positive = ("video_fps", "acceleration", "pace")
-        check_ranges(self, "robot", dict.fromkeys(positive, (0.001, 1000000.0, "")))
+        positive = dict.fromkeys(("acceleration", "pace"), (0.001, 1000000.0, ""))
+        check_ranges(self, "robot", positive | {"video_fps": (0.0, 1000.0, "")})
         if self.viewpoint not in ("robot", "facing"):
             raise ConfigurationError(f"robot.viewpoint={self.viewpoint} must be robot or facing.")

@@ -190,19 +190,19 @@ class SimulatedRobot(DrivenRobot):
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = SILENT
     ) -> ExecutionReport:
         """Move through the waypoints, planning around the perceived scene; stops at the first that fails."""
-        driver, shot, every = self.driver("moved"), -np.inf, 1.0 / self._config.video_fps
+        driver, shot, rate = self.driver("moved"), -np.inf, self._config.video_fps
 
         def film() -> None:
             nonlocal shot
             state = driver.state()
-            if driver.time - shot < every - 1e-9 or not driver.world.sane():
+            if driver.time - shot < 1.0 / rate - 1e-9 or not driver.world.sane():
                 return
             shot, draw = driver.time, driver.world.draw_later()
             listener.moment(Moment(driver.time, state.joints, state.gripper_width, draw))
             if listener.wants_frames:
                 listener.frame(draw())
 
-        driver.film = _nothing if listener is SILENT else film
+        driver.film = film if rate > 0 and listener is not SILENT else _nothing
         faster = Trajectory(tuple(replace(w, speed=self._config.pace * w.speed) for w in trajectory))
         return super().execute(faster, scene, listener)
 

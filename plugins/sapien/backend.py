@@ -36,7 +36,7 @@ SHOWN_SIZE = 640
 """Side in pixels of pictures for people; perception gets those of ``image_size``."""
 
 POSITIVE = (
-    *("image_size", "video_size", "video_fps", "physics_rate"),
+    *("image_size", "video_size", "physics_rate"),
     *("arm_stiffness", "arm_damping", "arm_force", "grip_force", "grip_speed"),
 )
 """Options that must lie above zero."""
@@ -109,7 +109,8 @@ class SapienArm(DrivenRobot):
         import_sapien()
         self._config, self._cell = config, make_cell(config)
         self._cell.check_cameras(config.cameras)
-        check_ranges(config, "robot", dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")))
+        ranges = dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")) | {"video_fps": (0.0, 1000.0, "")}
+        check_ranges(config, "robot", ranges)
         self._arm = self._cell.arm
         self._robot = self._cell.looks
         self._world: SapienWorld | None = None
