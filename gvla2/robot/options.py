@@ -136,9 +136,9 @@ class WorkcellConfig(ArmConfig):
 class SimulationConfig(ComponentConfig):
     """Options of a simulator that somebody else built (:mod:`gvla2.robot.simulation`).
 
-    The film has ``video_fps`` pictures a second, none at 0. ``acceleration`` bounds the arm's joints (rad/s²), ``pace`` multiplies
-    the tool speeds of plans. ``viewpoint`` is from where instructions name sides: "robot", or "facing" it, like a
-    camera opposite.
+    The film has ``video_fps`` pictures a second, none at 0. ``acceleration`` bounds the arm's joints (rad/s²),
+    ``pace`` multiplies the tool speeds of plans. ``viewpoint`` is from where instructions name sides: "robot", or
+    "facing" it, like a camera opposite.
     """
 
     video_fps: float = 5.0
