@@ -88,6 +88,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     """The episode of a run's folder, or why it is left out; None for a summary above several."""
     import numpy as np
 
+    from gvla2.io.foreign import read_arrays
     from gvla2.record.lerobot import Demonstration, VideoFile
     from gvla2.record.motion import FILM, STATES
 
@@ -103,9 +104,11 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
             return what
     if len(result.get("attempts", ())) > 1:  # the arm goes home in between, unfilmed
         return "in several attempts"
-    with np.load(folder / STATES) as kept:
-        states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
-        fps = float(kept["fps"])
+    kept = read_arrays(folder / STATES, "the states", ("joints", "gripper_width", "fps"), Gvla2Error)
+    states, fps = (
+        np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32),
+        float(kept["fps"]),
+    )
     robot, source = str(result["robot"]), _source(folder, result)
     return Demonstration(
         states, fps, VideoFile.read(folder / FILM), str(result["instruction"]), robot, source

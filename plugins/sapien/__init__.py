@@ -17,10 +17,10 @@ class SapienArmConfig(WorkcellConfig):
     """Options of a simulated arm; metres, radians, seconds, newtons.
 
     ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist, or out of ``camera_poses`` and wrist;
-    ``image_size`` is their side in pixels, ``video_size`` and ``video_fps`` those of the pictures taken while the arm
-    moves (from the first camera). ``physics_rate`` is in steps per second. The arm's joints are position drives with
-    feed-forward velocity: ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the
-    largest force of one finger, ``grip_speed`` a finger's speed.
+    ``image_size`` is their side in pixels, ``video_size`` that of the film's pictures, which the first camera takes
+    ``video_fps`` times a second, at 0 never. ``physics_rate`` is in steps per second. The arm's joints are position
+    drives with feed-forward velocity: ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm.
+    ``grip_force`` is the largest force of one finger, ``grip_speed`` a finger's speed.
     """
 
     name: str = "sapien_arm"
