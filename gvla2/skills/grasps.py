@@ -271,7 +271,9 @@ def _tilted(grasp: Grasp, tilt: float, hand: Hand) -> Grasp:
     centre = grasp.centre + hand.tip_beyond_tcp * (grasp.approach - approach)
     how = f"{grasp.description}, tilted by {np.degrees(tilt):.0f}°"
     preference = grasp.preference - abs(tilt)
-    return replace(grasp, description=how, closing=closing, approach=approach, centre=centre, preference=preference)
+    return replace(
+        grasp, description=how, closing=closing, approach=approach, centre=centre, preference=preference
+    )
 
 
 def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str, shift: float = 0.0) -> Grasp:
