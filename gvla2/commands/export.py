@@ -92,6 +92,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     """The episode of a run's folder, or why it is left out; None for a summary above several."""
     import numpy as np
 
+    from gvla2.io.foreign import read_arrays
     from gvla2.record.lerobot import Demonstration, VideoFile
     from gvla2.record.motion import FILM, STATES
 
@@ -107,10 +108,10 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
             return what
     if len(result.get("attempts", ())) > 1:  # the arm goes home in between, unfilmed
         return "in several attempts"
-    with np.load(folder / STATES) as kept:
-        states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
-        commands = kept["command"].astype(np.float32) if "command" in kept else None
-        fps = float(kept["fps"])
+    arrays = ("joints", "gripper_width", "fps", "command")
+    kept = read_arrays(folder / STATES, "the states", arrays, Gvla2Error)
+    states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
+    commands = kept["command"].astype(np.float32) if "command" in kept else None
     urdf, cameras = _source(folder, result)
     failure = result.get("failure") or {}
     labels = {
@@ -123,7 +124,14 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     }
     film = VideoFile.read(folder / FILM, cameras)
     return Demonstration(
-        states, fps, film, str(result["instruction"]), str(result["robot"]), urdf, commands, labels
+        states,
+        float(kept["fps"]),
+        film,
+        str(result["instruction"]),
+        str(result["robot"]),
+        urdf,
+        commands,
+        labels,
     )
 
 
