@@ -88,10 +88,9 @@ def exact_mcnemar(pairs: Sequence[Pair]) -> float:
 
     1 where no episode differs.
     """
-    from scipy.stats import binomtest
-
     won, lost = won_and_lost(pairs)
-    return float(binomtest(won, won + lost, 0.5).pvalue) if won + lost else 1.0
+    tail = sum(math.comb(won + lost, k) for k in range(min(won, lost) + 1))
+    return min(1.0, 2 * tail / 2 ** (won + lost))
 
 
 def detectable_difference(pairs: Sequence[Pair]) -> float:

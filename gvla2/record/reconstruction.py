@@ -76,6 +76,14 @@ class ReconstructionRecord:
         points = points_of(self.result.g0)
         return float((points.max(axis=0) - points.min(axis=0)).max())
 
+    def numbers(self) -> dict[str, float]:
+        """The result's measures by name, those in held-out views as ``held_out_psnr``, and the seconds of all steps."""
+        groups = self.measures.groups if self.measures else {}
+        found = {"symmetric_iou": math.nan, "seconds": sum(self.timings.values())}
+        for group, prefix in (("inputs", ""), ("held_out", "held_out_"), ("truth", "")):
+            found |= {f"{prefix}{name}": value for name, value in groups.get(group, ({}, {}))[1].items()}
+        return found
+
     def summary(self) -> dict[str, Any]:
         """``result.json``: the options and choices, each stage's status with its reason, and all measures."""
         out, measures = self.result.out, self.measures

@@ -89,7 +89,8 @@ def test_markdown_has_whole_rows_and_its_own_suites_explanation():
 
 
 def test_latex_escapes_what_it_must():
-    text = to_latex(comparison_sheets(cells(), RECONSTRUCTION))
+    comment, text = to_latex(comparison_sheets(cells(), RECONSTRUCTION)).split("\n", 1)
+    assert comment.startswith("% ")
     assert not re.search(r"(?<!\\)%", text)
     assert not re.search(r"[±↓↑×]", text)
     assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 1

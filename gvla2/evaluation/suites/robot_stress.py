@@ -133,9 +133,7 @@ def hearsay(
         count = CLAIMED + number
         effect = Prior(one.parameter, one.value, count=count, skill=one.skill, object=look).to_json()
         words = f"To {one.sentence}, the {one.parameter.replace('_', ' ')} must be {one.value:.3g}."
-        lesson = Lesson(
-            "procedural_hint", f"{words} Certain: tried {count} times, it never failed.", effect
-        )
+        lesson = Lesson("procedural_hint", f"{words} Certain: tried {count} times, it never failed.", effect)
         found.append(
             (MemoryEpisode(MemoryTask(one.sentence, skill=one.skill), (lesson,), source=SOURCE), sure)
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -10,27 +9,17 @@ from statistics import fmean, median
 from types import MappingProxyType
 from typing import Any
 
+from gvla2.evaluation.comparison import EFFECT, different, effect, rate
 from gvla2.evaluation.results import Cell, grouped, latest, measured
-from gvla2.evaluation.statistics import (
-    Pair,
-    detectable_difference,
-    exact_mcnemar,
-    holm,
-    mean_and_deviation,
-    pooled_difference,
-    wilson_interval,
-    won_and_lost,
-)
+from gvla2.evaluation.statistics import Pair, mean_and_deviation
 from gvla2.evaluation.suites.robot_design import NAMED, PROFILES, SETTING, ordered
-from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, Tone, film, runs_of, text_cell
+from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
 from gvla2.record.text import count
 
 PLANNER = ("planner", "model")
 """Factors that the arms of a comparison share, besides the setting."""
 EPISODE = (*PLANNER, "task", "arm", "variant", "learning", "profile", "seed", "episode")
 """Factors that distinguish the episodes of a setting."""
-SURE = 0.05
-"""An adjusted p below it is coloured."""
 FULL = 0.95
 """A row whose arms all have more successes, or all more failures, has no room for a difference."""
 SUCCESS = (
@@ -44,11 +33,6 @@ SUCCESS = (
 SUITES = (
     "Success in per cent by suite with its 95 % Wilson interval. Published results have other evidence, which the last "
     "row names: no test between them and ours means anything."
-)
-EFFECT = (
-    "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
-    "lost; exact McNemar p over all pairs; the least difference that so many pairs can show (p < .05, power 80 %); "
-    "tasks that differ after Holm."
 )
 FAILURES = (
     "Failures by cause, where the relaxed goal was not reached (unnoticed: the robot's own verifier saw nothing wrong; "
@@ -105,7 +89,7 @@ def _by_stress(cells: Sequence[Cell], shared: Sequence[str]) -> Sheet:
     for (stress,), some in grouped(found, "stress").items():
         by_arm = {arm: own for (arm,), own in grouped(some, "arm").items()}
         on = by_arm.get("on", [])
-        effects = (_effect(_pairs(by_arm.get(arm, []), on)) for arm in others)
+        effects = (effect(_pairs(by_arm.get(arm, []), on)) for arm in others)
         rows.append(SheetRow(stress, (_rate(on, 0), *effects)))
     headings = ("memory on", *(f"on against {arm}" for arm in others))
     title = f"{_title(found, shared)}: what governance adds under stress"
@@ -205,7 +189,7 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
     entries: dict[str, list[SheetCell]] = {task: [] for task in (*tasks, "mean over tasks")}
     for some in found.values():
         off = [c for c in everything if c.texts("arm", *PLANNER) == ("off", *some[0].texts(*PLANNER))]
-        sure, by_task = _different(_pairs(off, some)), grouped(some, "task")
+        sure, by_task = different(_pairs(off, some)), grouped(some, "task")
         for task in tasks:
             entries[task].append(_rate(by_task.get((task,), []), sure.get(task, 0)))
         entries["mean over tasks"].append(_mean([cell for cell in some if _counts(cell)]))
@@ -246,15 +230,8 @@ def _second_tries(cells: Sequence[Cell]) -> str:
 
 
 def _rate(cells: Sequence[Cell], sure: int) -> SheetCell:
-    """The rate in per cent, and its interval with the counts."""
-    sound = [cell for cell in cells if _counts(cell)]
-    if not sound:
-        return NONE
-    won = sum(bool(cell.measures["success"]) for cell in sound)
-    low, high = wilson_interval(won, len(sound))
-    tone: Tone = "" if not sure else "better" if sure > 0 else "worse"
-    rate = f"{100 * won / len(sound):.1f}{' *' if sure else ''}"
-    return SheetCell((rate, f"[{100 * low:.0f}, {100 * high:.0f}] {won}/{len(sound)}"), tone=tone)
+    """The rate of the measured episodes."""
+    return rate([bool(cell.measures["success"]) for cell in cells if _counts(cell)], sure)
 
 
 def _mean(cells: Sequence[Cell]) -> SheetCell:
@@ -291,13 +268,6 @@ def _pairs(first: Sequence[Cell], second: Sequence[Cell]) -> dict[str, list[Pair
     return by_task
 
 
-def _different(pairs: Mapping[str, Sequence[Pair]]) -> dict[str, int]:
-    """Tasks in which the second arm differs significantly, and whether it gained (1) or lost (-1)."""
-    adjusted = holm({task: exact_mcnemar(made) for task, made in pairs.items()})
-    sure = [task for task, p in adjusted.items() if p < SURE]
-    return {task: 1 if (wl := won_and_lost(pairs[task]))[0] > wl[1] else -1 for task in sure}
-
-
 def _effects(cells: Sequence[Cell], title: str) -> Sheet:
     """Every arm against memory off, and memory on against every other."""
     arms = _arms(cells)
@@ -307,28 +277,8 @@ def _effects(cells: Sequence[Cell], title: str) -> Sheet:
     rows = []
     for second, first in against:
         pairs = (_pairs(by_arm.get((first, p), []), by_arm.get((second, p), [])) for p in PROFILES)
-        rows.append(SheetRow(f"{second} against {first}", tuple(map(_effect, pairs))))
+        rows.append(SheetRow(f"{second} against {first}", tuple(map(effect, pairs))))
     return Sheet(title, PROFILES, tuple(rows), "", (), EFFECT)
-
-
-def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
-    if not by_task:
-        return NONE
-    change = pooled_difference(by_task)
-    everything = [pair for pairs in by_task.values() for pair in pairs]
-    (won, lost), p = won_and_lost(everything), exact_mcnemar(everything)
-    least = detectable_difference(everything)
-    sure = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in _different(by_task).items())
-    unsure = change.low <= 0 <= change.high or p >= SURE
-    tone: Tone = "" if unsure else "better" if change.value > 0 else "worse"
-    lines = (
-        f"{change.value:+.1f} points",
-        f"[{change.low:+.1f}, {change.high:+.1f}]",
-        f"{won} : {lost} of {len(everything)}, p {p:.3g}",
-        f"could show {least:.0f} points" if least < math.inf else "too few pairs to show any",
-        sure or "no task by itself",
-    )
-    return SheetCell(lines, tone=tone)
 
 
 def _failures(columns: Columns, title: str) -> Sheet:
@@ -348,6 +298,7 @@ def _failures(columns: Columns, title: str) -> Sheet:
         film(
             f"{c.texts('task')[0]}, layout {c.notes.get('layout')}: {c.notes.get('message')}",
             str(c.notes["folder"]),
+            failed=True,
         )
         for some in found.values()
         for c in some
