@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shlex
 import sys
 import time
@@ -24,8 +25,9 @@ from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, reading
 from gvla2.io.files import write_json
+from gvla2.record.text import printable
 
 if TYPE_CHECKING:
     from gvla2.commands.run import RunConfig
@@ -219,23 +221,48 @@ def conclude(command: str, status: int, argv: Sequence[str]) -> int:
     folder, SweepFolder.latest = SweepFolder.latest, None
     if folder is None:
         return status
-    jobs = [(file.parent, _read(file)) for file in folder.glob(f"*/{JOB}")]
-    jobs = sorted(((place, job) for place, job in jobs if job), key=lambda each: int(each[1]["job"]))
+    jobs = read_jobs(folder)
     try:
         if jobs:
-            _publish(command, folder, jobs)
+            publish_jobs(command, folder, jobs)
     except Gvla2Error as error:
-        print(f"gvla2: the table of the sweep could not be made: {error}", file=sys.stderr)
+        print(f"gvla2: the table of the sweep could not be made: {printable(str(error))}", file=sys.stderr)
         status = status or 1
     broken = any(job.get("status") != "ok" and not job.get("refused") for _, job in jobs)
     if status in _STOPPED or (status and broken):
         words = [word for word in argv if not word.startswith("hydra.sweep.dir=")]
         again = shlex.join(["gvla2", command, *words, f"hydra.sweep.dir={folder}"])
-        print(f"gvla2: finished jobs are kept. To resume: {again}", file=sys.stderr)
+        print(f"gvla2: finished jobs are kept. To resume: {printable(again)}", file=sys.stderr)
     return status
 
 
-def _publish(suite: str, folder: Path, jobs: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
+def read_jobs(folder: Path) -> list[tuple[Path, Mapping[str, Any]]]:
+    """The jobs of a sweep by number: their folders, and what they left. A file that no job wrote is left out."""
+    jobs = []
+    for file in folder.glob(f"*/{JOB}"):
+        try:
+            with reading("a job", file):
+                job = json.loads(file.read_text(encoding="utf-8"))
+                rows = [
+                    Measured(dict(r["factors"]), dict(r["measures"]), dict(r["notes"]))
+                    for r in job.get("rows", ())
+                ]
+                if not all(math.isfinite(value) for row in rows for value in row.measures.values()):
+                    raise ValueError("its measures are not finite")
+                texts = {name: str(job[name]) for name in ("status", "results")}
+                whole = {
+                    "job": int(job["job"]),
+                    "overrides": dict(job["overrides"]),
+                    "rows": [vars(r) for r in rows],
+                }
+                jobs.append((file.parent, {**job, **texts, **whole}))
+        except GeometryError as error:
+            print(f"gvla2: left out of the table: {printable(str(error))}", file=sys.stderr)
+    return sorted(jobs, key=lambda each: each[1]["job"])
+
+
+def publish_jobs(suite: str, folder: Path, jobs: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
+    """Make the table of a sweep's jobs in every format, and keep them in the results database."""
     from gvla2.commands.report import publish
     from gvla2.evaluation.results import Cell, Results, cell_key
 

@@ -75,7 +75,7 @@ def film(caption: str, folder: str, *, failed: bool = False) -> Film:
     """The film of an episode or job by its folder."""
     stills = (Path(folder) / name for name in ("episode.mp4", "before.png"))
     shown = next((path.as_uri() for path in stills if path.is_file()), "")
-    return Film(caption, shown, (Path(folder) / "index.html").as_uri(), failed)
+    return Film(caption, shown, (Path(folder).absolute() / "index.html").as_uri(), failed)
 
 
 def runs_of(cells: Iterable[Cell]) -> tuple[int, ...]:

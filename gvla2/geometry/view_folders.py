@@ -28,6 +28,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
 from gvla2.io.files import write_bytes
+from gvla2.io.foreign import read_array, read_picture
 
 VIEWS, CAMERAS = "views", "cameras.json"
 """A run's folder of views, and the file with the cameras of a folder."""
@@ -207,7 +208,7 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
             mask = _read_mask(mask_file)
         depth = None
         if (depth_file := first("depth", (".npy",))) is not None:
-            depth = np.asarray(_load(depth_file), dtype=np.float32)
+            depth = read_array(depth_file, "the depth").astype(np.float32)
             depth = depth[..., 0] if depth.ndim == 3 and depth.shape[2] == 1 else depth
             depth = np.where((depth > 0) & (depth < np.inf), depth, np.float32(np.nan))
         own = first("robot", _PICTURES)
@@ -257,13 +258,13 @@ def _gso_view(matrix: Path) -> View:
     height, width = image.shape[:2]
     K = [[FOCAL * width, 0.0, width / 2], [0.0, FOCAL * width, height / 2], [0.0, 0.0, 1.0]]
     with reading("a camera", matrix):
-        entry = {"K": K, "T": _load(matrix), "convention": "opengl"}
+        entry = {"K": K, "T": read_array(matrix, "the camera"), "convention": "opengl"}
         return View(_camera(entry, image, matrix.stem), image, mask=alpha)
 
 
 def _read_picture(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None]:
     """Colour (H, W, 3) uint8 laid on white, and alpha (H, W) in [0, 1], None for an opaque file."""
-    picture = _open(path)
+    picture = read_picture(path)
     alpha = _alpha(picture)
     if picture.mode.startswith("I"):  # 16 bits, which Pillow would clip
         grey = np.clip(np.asarray(picture, dtype=np.float64) / 257, 0, 255).astype(np.uint8)
@@ -280,7 +281,7 @@ def _read_mask(path: Path) -> NDArray[np.float32]:
 
     Two values are background and object, whatever they are. Raises :class:`GeometryError` for several labels.
     """
-    picture = _open(path)
+    picture = read_picture(path)
     alpha = _alpha(picture)
     if alpha is not None:
         return alpha
@@ -306,18 +307,6 @@ def _alpha(picture: Image.Image) -> NDArray[np.float32] | None:
         return None
     alpha = np.asarray(picture.convert("RGBA").getchannel("A"), dtype=np.float32) / np.float32(255)
     return alpha if alpha.min() < 1 else None
-
-
-def _open(path: Path) -> Image.Image:
-    with reading("the image", path), Image.open(path) as picture:
-        picture.load()
-        return picture
-
-
-def _load(path: Path) -> NDArray[Any]:
-    """The array of a .npy file."""
-    with reading("the array", path):
-        return np.asarray(np.load(io.BytesIO(path.read_bytes()), allow_pickle=False))
 
 
 def _png(array: NDArray[np.uint8]) -> bytes:

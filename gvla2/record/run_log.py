@@ -34,7 +34,10 @@ class RunLog(logging.FileHandler):
         """Called by logging when a message could not be written."""
         if not self._full:
             self._full = True
-            print(f"gvla2: {self.baseFilename} cannot be written: {sys.exc_info()[1]}.", file=sys.stderr)
+            print(
+                f"gvla2: {printable(self.baseFilename)} cannot be written: {sys.exc_info()[1]}.",
+                file=sys.stderr,
+            )
 
 
 class TerminalFormatter(logging.Formatter):
