@@ -146,7 +146,9 @@ def data() -> Check:
     for kind in ("ycb30", "gso30"):
         filled = [items for place in roots(kind) if place.is_dir() and (items := find_items(kind, place))]
         there[kind] = f"{len(filled[0])} objects in {filled[0][0].folder.parent}" if filled else "not found"
-    advice = "Only benches need them: set GVLA2_DATA to their folder; `gvla2 bench data=NAME` says what they are."
+    advice = (
+        "Only benches need them: set GVLA2_DATA to their folder; `gvla2 bench data=NAME` says what they are."
+    )
     lacking = "not found" in there.values()
     return Check(
         "data sets",
