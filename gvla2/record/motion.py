@@ -9,6 +9,7 @@ import io
 from collections import deque
 from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ class Motion:
 
     def moment(self, moment: Moment) -> None:
         """The state at the next frame."""
-        self._moments.append(moment)
+        self._moments.append(replace(moment, draw=None))  # which holds on to the scene it would draw
 
     def frame(self, image: Frame) -> None:
         """A frame, as large as the first one; sides are cropped to even numbers, as players require."""
@@ -89,11 +90,14 @@ class Motion:
                 _keep_whole(self._folder / UNFINISHED, self._folder / FILM)
         if self._moments and len(self._moments) == self._frames:
             stream = io.BytesIO()
+            given = [m.command for m in self._moments if m.command is not None]
+            commands = {"command": np.array(given)} if len(given) == self._frames else {}
             np.savez_compressed(
                 stream,
                 time=np.array([m.time for m in self._moments]),
                 joints=np.array([m.joints for m in self._moments]),
                 gripper_width=np.array([m.gripper_width for m in self._moments]),
+                **commands,
                 fps=np.array(self.fps),
             )
             write_bytes(self._folder / STATES, stream.getvalue())
@@ -104,7 +108,7 @@ class Motion:
             self._awaited.popleft().result()
 
     def _open(self, first: Frame, fps: float) -> None:
-        self._film = _opened(self._folder / UNFINISHED, first, fps)
+        self._film = opened(self._folder / UNFINISHED, first, fps)
         self._send(first)
 
     def _send(self, image: Frame) -> None:
@@ -128,7 +132,8 @@ def _even(image: Frame) -> Frame:
     return np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
 
 
-def _opened(path: Path, first: Frame, fps: float) -> Film:
+def opened(path: Path, first: Frame, fps: float) -> Film:
+    """A new film of pictures of the size of ``first``."""
     film: Film = imageio_ffmpeg.write_frames(
         str(path),
         (first.shape[1], first.shape[0]),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import GeometryError, RobotError, reading
-from gvla2.geometry.transform import FloatArray, box_corners
+from gvla2.geometry.transform import FloatArray, box_corners, rigid
 from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.kinematics import Kinematics, library
@@ -104,21 +104,22 @@ class CollisionModel:
 
     Pairs of links that the SRDF disables are left out; for links that it does not name, or without one, pairs that are
     usually close. ``overlapping`` are the pairs whose hulls overlap harmlessly: physics must ignore them.
-    ``hand_links`` (URDF links) may touch a waypoint's allowed contacts, other links never.
+    ``solids`` are those of :func:`link_geometry`. ``hand_links`` may touch a waypoint's allowed contacts, other links
+    never.
     """
 
     def __init__(
         self,
         kinematics: Kinematics,
-        urdf: Path,
+        solids: Any,
         *,
         hand_links: Sequence[str],
         srdf: Path | None = None,
     ) -> None:
         self._kinematics = kinematics
-        self._robot = link_geometry(kinematics, urdf)
+        self._robot = link_geometry(kinematics, solids)
         self._hand = frozenset(hand_links)
-        solids = [(_link(o), o.parentJoint) for o in self._robot.geometryObjects]
+        links = [(_link(o), o.parentJoint) for o in self._robot.geometryObjects]
         close = usually_close(kinematics, self._robot, self._hand)
         listed = set() if srdf is None else disabled(srdf)
         named = {link for pair in listed for link in pair}
@@ -126,7 +127,7 @@ class CollisionModel:
         self.overlapping = close if srdf is None else close | disabled(srdf, "Default")
         self._self_pairs = [
             (i, j)
-            for (i, (one, a)), (j, (other, b)) in combinations(enumerate(solids), 2)
+            for (i, (one, a)), (j, (other, b)) in combinations(enumerate(links), 2)
             if a != b and frozenset((one, other)) not in harmless
         ]
         self._data = kinematics.model.createData()  # of one configuration, for any checker
@@ -161,16 +162,15 @@ class CollisionModel:
         links = [(i, _link(o)) for i, o in enumerate(geometry.geometryObjects)]
         still = {i for i, o in enumerate(geometry.geometryObjects) if o.parentJoint == 0}
         self_pairs = list(self._self_pairs)
-        hand = self._hand
+        hand, tcp = self._hand, self._kinematics.tcp_joint
         if attached is not None:
             held = attached.object
-            joint = self._kinematics.tcp_joint
             placement = pin.SE3(self._kinematics.joint_from_tcp @ attached.tcp_from_object)
-            index = geometry.addGeometryObject(pin.GeometryObject(held.id, joint, 0, placement, _solid(held)))
+            index = geometry.addGeometryObject(pin.GeometryObject(held.id, tcp, 0, placement, _solid(held)))
             self_pairs += [
                 (i, index)
                 for i, name in links
-                if name not in hand and geometry.geometryObjects[i].parentJoint != joint
+                if name not in hand and geometry.geometryObjects[i].parentJoint != tcp
             ]
             links.append((index, held.id))
             hand = hand | {held.id}
@@ -186,6 +186,17 @@ class CollisionModel:
                     continue
                 geometry.addCollisionPair(pin.CollisionPair(i, index))
                 n_world += 1
+        palm = [
+            i for i, link in links if link in self._hand and geometry.geometryObjects[i].parentJoint == tcp
+        ]
+        for obj in scene.obstacles(ignored):
+            for solid, placement in _walls(obj) if obj.id in allowed else ():
+                index = geometry.addGeometryObject(
+                    pin.GeometryObject(obj.id, 0, 0, pin.SE3(placement), solid)
+                )
+                for i in palm:  # fingers reach into what is open at the top, a palm does not fit
+                    geometry.addCollisionPair(pin.CollisionPair(i, index))
+                    n_world += 1
         for first, second in self_pairs:
             geometry.addCollisionPair(pin.CollisionPair(first, second))
         return CollisionChecker(self._kinematics, self._data, geometry, gripper, n_world)
@@ -213,15 +224,31 @@ def _pieces(path: str, scale: float) -> tuple[Any, ...]:
     # Few scenes have such an object, and importing trimesh is slow.
     from gvla2.geometry.convex import convex_pieces
 
-    return tuple(_hull(corners) for corners in convex_pieces(path, scale))
+    return tuple(convex_hull(corners) for corners in convex_pieces(path, scale))
 
 
-def _hull(corners: FloatArray) -> Any:
+def convex_hull(corners: FloatArray) -> Any:
     """The convex hull of points (N, 3) as a coal shape."""
     coal = library("coal")
     vertices = coal.StdVec_Vec3s()
     vertices.extend(np.ascontiguousarray(corners))
     return coal.Convex.convexHull(vertices, True, "Qt")
+
+
+def _walls(item: SceneObject) -> list[tuple[Any, FloatArray]]:
+    """Coal shapes of the four walls of an open box, each with its pose (4, 4) in the world; none of anything else."""
+    size, found = item.extents, list[tuple[Any, FloatArray]]()
+    thick = 0.5 * (float(size[:2].min()) - item.opening)
+    if item.opening <= 0.0 or item.shape != "box" or thick <= 0.0:
+        return found
+    for axis in (0, 1):
+        wall = size.copy()
+        wall[axis] = thick
+        for side in (1.0, -1.0):
+            at = np.zeros(3)
+            at[axis] = side * 0.5 * (size[axis] - thick)
+            found.append((coal_shape("box", wall), item.world_from_object @ rigid(translation=at)))
+    return found
 
 
 def _solid(item: SceneObject) -> Any:
@@ -244,7 +271,8 @@ def coal_shape(kind: str, size: Sequence[float]) -> Any:
 
 def _object_key(item: SceneObject) -> tuple[object, ...]:
     scan = item.known and (item.known.path, item.known.world_from_scan.tobytes())
-    return (item.id, item.shape, item.world_from_object.tobytes(), item.extents.tobytes(), scan)
+    box = item.world_from_object.tobytes(), item.extents.tobytes()
+    return (item.id, item.shape, *box, item.opening, scan)
 
 
 def _bisecting(count: int) -> list[int]:
@@ -253,14 +281,14 @@ def _bisecting(count: int) -> list[int]:
     return sorted(range(count), key=lambda index: f"{index:0{bits}b}"[::-1])
 
 
-def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
-    """A pinocchio ``GeometryModel`` in the world: solids are named by their link, and names may repeat.
+def link_geometry(kinematics: Kinematics, solids: Any) -> Any:
+    """The collision shapes of links, a pinocchio ``GeometryModel``, fewer and in the world: they are named by their
+    link, and names may repeat.
 
     Round primitives (spheres, cylinders, capsules) are kept: exact, and faster than a hull; a link's meshes and boxes
-    become their convex hull. Raises :class:`RobotError` when a mesh can't be read.
+    become their convex hull.
     """
     pin, coal = library("pinocchio"), library("coal")
-    source = pin.buildGeomFromUrdf(kinematics.model, str(urdf), pin.GeometryType.COLLISION)
     merged = pin.GeometryModel()
 
     def add(frame: int, placement: Any, shape: Any) -> None:
@@ -268,10 +296,14 @@ def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
         merged.addGeometryObject(pin.GeometryObject(link.name, link.parentJoint, frame, placement, shape))
 
     corners: dict[int, list[FloatArray]] = defaultdict(list)
-    for solid in source.geometryObjects:
+    for solid in solids.geometryObjects:
         shape, pose = solid.geometry, solid.placement
+        if solid.parentJoint == 0:
+            pose = pin.SE3(kinematics.world_from_base) * pose
         if isinstance(shape, coal.BVHModelBase):
             points = np.array(shape.vertices(), dtype=np.float64).reshape(-1, 3)
+        elif isinstance(shape, coal.ConvexBase):
+            points = np.array(shape.points(), dtype=np.float64).reshape(-1, 3)
         elif isinstance(shape, coal.Box):
             points = box_corners(2.0 * shape.halfSide)
         else:
@@ -279,7 +311,7 @@ def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
             continue
         corners[solid.parentFrame].append(points @ pose.rotation.T + pose.translation)
     for frame, pieces in corners.items():
-        add(frame, pin.SE3.Identity(), _hull(np.concatenate(pieces)))
+        add(frame, pin.SE3.Identity(), convex_hull(np.concatenate(pieces)))
     return merged
 
 
