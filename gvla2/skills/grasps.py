@@ -218,8 +218,7 @@ def standing(theme: SceneObject, share: float = 1.0) -> tuple[SceneObject, Float
 
     Let go of, it falls upright about its lowest point: the middle of its box is where it will be then.
     """
-    skin = skin_of(theme)
-    if np.linalg.norm(theme.righting) < ASLANT or skin is None:
+    if np.linalg.norm(theme.righting) < ASLANT or (skin := skin_of(theme)) is None:
         return theme, np.eye(4)
     turn, fall = (Rotation.from_rotvec(part * theme.righting) for part in (share, 1.0 - share))
     about = rigid(turn.as_matrix(), theme.centre - turn.apply(theme.centre))
