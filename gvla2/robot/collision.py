@@ -7,14 +7,14 @@ from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Sequence, Set
 from contextlib import suppress
 from functools import cached_property, lru_cache
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gvla2.errors import GeometryError, RobotError, reading
-from gvla2.geometry.transform import FloatArray, box_corners, rigid
+from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, rigid, transform_points
 from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.kinematics import Kinematics, library
@@ -26,6 +26,9 @@ LARGE = 0.2
 """Known objects longer than this, metres, are checked as their convex pieces: of smaller ones the box leaves enough
 room beside it, and costs less.
 """
+
+AT_WALL, FEWEST = 0.01, 10
+"""Points this near to an open box's wall, metres, are of it, and the fewest that tell how high it is."""
 
 KEPT = 12
 """Number of the latest checkers that are kept."""
@@ -236,18 +239,23 @@ def convex_hull(corners: FloatArray) -> Any:
 
 
 def _walls(item: SceneObject) -> list[tuple[Any, FloatArray]]:
-    """Coal shapes of the four walls of an open box, each with its pose (4, 4) in the world; none of anything else."""
+    """Coal shapes of an open box's four walls, each with its pose (4, 4) in the world; none of anything else.
+
+    Each is as high as it was seen: a drawer's sides are lower than its front.
+    """
     size, found = item.extents, list[tuple[Any, FloatArray]]()
     thick = 0.5 * (float(size[:2].min()) - item.opening)
     if item.opening <= 0.0 or item.shape != "box" or thick <= 0.0:
         return found
-    for axis in (0, 1):
-        wall = size.copy()
-        wall[axis] = thick
-        for side in (1.0, -1.0):
-            at = np.zeros(3)
-            at[axis] = side * 0.5 * (size[axis] - thick)
-            found.append((coal_shape("box", wall), item.world_from_object @ rigid(translation=at)))
+    points = transform_points(invert_rigid(item.world_from_object), item.points)
+    for axis, side in product((0, 1), (1.0, -1.0)):
+        near = side * points[:, axis] > 0.5 * size[axis] - thick - AT_WALL
+        seen = points[near & (np.abs(points[:, 1 - axis]) < 0.4 * size[1 - axis]), 2]
+        top = float(np.percentile(seen, 98.0)) if len(seen) >= FEWEST else 0.5 * float(size[2])
+        wall, at = size.copy(), np.zeros(3)
+        wall[axis], wall[2] = thick, max(top + 0.5 * size[2], 1e-4)
+        at[axis], at[2] = side * 0.5 * (size[axis] - thick), 0.5 * (top - 0.5 * size[2])
+        found.append((coal_shape("box", wall), item.world_from_object @ rigid(translation=at)))
     return found
 
 
