@@ -7,14 +7,14 @@ from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Sequence, Set
 from contextlib import suppress
 from functools import cached_property, lru_cache
-from itertools import combinations, product
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gvla2.errors import GeometryError, RobotError, reading
-from gvla2.geometry.transform import FloatArray, box_corners, invert_rigid, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, box_corners
 from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.kinematics import Kinematics, library
@@ -26,9 +26,6 @@ LARGE = 0.2
 """Known objects longer than this, metres, are checked as their convex pieces: of smaller ones the box leaves enough
 room beside it, and costs less.
 """
-
-AT_WALL, FEWEST = 0.01, 10
-"""Points this near to an open box's wall, metres, are of it, and the fewest that tell how high it is."""
 
 KEPT = 12
 """Number of the latest checkers that are kept."""
@@ -165,15 +162,16 @@ class CollisionModel:
         links = [(i, _link(o)) for i, o in enumerate(geometry.geometryObjects)]
         still = {i for i, o in enumerate(geometry.geometryObjects) if o.parentJoint == 0}
         self_pairs = list(self._self_pairs)
-        hand, tcp = self._hand, self._kinematics.tcp_joint
+        hand = self._hand
         if attached is not None:
             held = attached.object
+            joint = self._kinematics.tcp_joint
             placement = pin.SE3(self._kinematics.joint_from_tcp @ attached.tcp_from_object)
-            index = geometry.addGeometryObject(pin.GeometryObject(held.id, tcp, 0, placement, _solid(held)))
+            index = geometry.addGeometryObject(pin.GeometryObject(held.id, joint, 0, placement, _solid(held)))
             self_pairs += [
                 (i, index)
                 for i, name in links
-                if name not in hand and geometry.geometryObjects[i].parentJoint != tcp
+                if name not in hand and geometry.geometryObjects[i].parentJoint != joint
             ]
             links.append((index, held.id))
             hand = hand | {held.id}
@@ -189,17 +187,6 @@ class CollisionModel:
                     continue
                 geometry.addCollisionPair(pin.CollisionPair(i, index))
                 n_world += 1
-        palm = [
-            i for i, link in links if link in self._hand and geometry.geometryObjects[i].parentJoint == tcp
-        ]
-        for obj in scene.obstacles(ignored):
-            for solid, placement in _walls(obj) if obj.id in allowed else ():
-                index = geometry.addGeometryObject(
-                    pin.GeometryObject(obj.id, 0, 0, pin.SE3(placement), solid)
-                )
-                for i in palm:  # fingers reach into what is open at the top, a palm does not fit
-                    geometry.addCollisionPair(pin.CollisionPair(i, index))
-                    n_world += 1
         for first, second in self_pairs:
             geometry.addCollisionPair(pin.CollisionPair(first, second))
         return CollisionChecker(self._kinematics, self._data, geometry, gripper, n_world)
@@ -238,27 +225,6 @@ def convex_hull(corners: FloatArray) -> Any:
     return coal.Convex.convexHull(vertices, True, "Qt")
 
 
-def _walls(item: SceneObject) -> list[tuple[Any, FloatArray]]:
-    """Coal shapes of an open box's four walls, each with its pose (4, 4) in the world; none of anything else.
-
-    Each is as high as it was seen: a drawer's sides are lower than its front.
-    """
-    size, found = item.extents, list[tuple[Any, FloatArray]]()
-    thick = 0.5 * (float(size[:2].min()) - item.opening)
-    if item.opening <= 0.0 or item.shape != "box" or thick <= 0.0:
-        return found
-    points = transform_points(invert_rigid(item.world_from_object), item.points)
-    for axis, side in product((0, 1), (1.0, -1.0)):
-        near = side * points[:, axis] > 0.5 * size[axis] - thick - AT_WALL
-        seen = points[near & (np.abs(points[:, 1 - axis]) < 0.4 * size[1 - axis]), 2]
-        top = float(np.percentile(seen, 98.0)) if len(seen) >= FEWEST else 0.5 * float(size[2])
-        wall, at = size.copy(), np.zeros(3)
-        wall[axis], wall[2] = thick, max(top + 0.5 * size[2], 1e-4)
-        at[axis], at[2] = side * 0.5 * (size[axis] - thick), 0.5 * (top - 0.5 * size[2])
-        found.append((coal_shape("box", wall), item.world_from_object @ rigid(translation=at)))
-    return found
-
-
 def _solid(item: SceneObject) -> Any:
     """A coal shape in the object's frame: a cylinder or sphere around its box if it is one, else the box."""
     x, y, z = np.maximum(item.extents, 1e-4)
@@ -279,8 +245,7 @@ def coal_shape(kind: str, size: Sequence[float]) -> Any:
 
 def _object_key(item: SceneObject) -> tuple[object, ...]:
     scan = item.known and (item.known.path, item.known.world_from_scan.tobytes())
-    box = item.world_from_object.tobytes(), item.extents.tobytes()
-    return (item.id, item.shape, *box, item.opening, scan)
+    return (item.id, item.shape, item.world_from_object.tobytes(), item.extents.tobytes(), scan)
 
 
 def _bisecting(count: int) -> list[int]:
