@@ -109,6 +109,7 @@ class SapienArm(DrivenRobot):
         import_sapien()
         self._config, self._cell = config, make_cell(config)
         self._cell.check_cameras(config.cameras)
+        self._cell.check_cameras(config.video_cameras or config.cameras[:1])
         ranges = dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")) | {"video_fps": (0.0, 1000.0, "")}
         check_ranges(config, "robot", ranges)
         self._arm = self._cell.arm
@@ -169,12 +170,15 @@ class SapienArm(DrivenRobot):
         world = self._sane_world("moved")
 
         def film() -> None:
-            name, size = self._config.cameras[0], self._config.video_size
-            view = self._cell.camera(name, size, self._arm.forward(world.joints))
-            sight = self._sight()
-            reel.shoot(
-                Moment(world.time, world.joints.copy(), world.gripper_width, lambda: sight([view])[0].image)
-            )
+            size, tool = self._config.video_size, self._arm.forward(world.joints)
+            filming = self._config.video_cameras or self._config.cameras[:1]
+            cameras, sight = [self._cell.camera(name, size, tool) for name in filming], self._sight()
+
+            def draw() -> NDArray[np.uint8]:
+                return np.hstack([view.image for view in sight(cameras)])
+
+            command = np.append(world.arm_target, 2.0 * world.finger_target)
+            reel.shoot(Moment(world.time, world.joints.copy(), world.gripper_width, draw, command))
 
         driver = self.driver("moved", None if listener is SILENT else film)
         with Filming(listener) as reel:
