@@ -1,6 +1,7 @@
 """The film of every frame and the arm's states, and the data set for training that they become."""
 
 import json
+import resource
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from gvla2 import cli
-from gvla2.errors import Gvla2Error
+from gvla2.errors import Gvla2Error, OutputError
 from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.robot.backend import Moment
 
@@ -72,6 +73,17 @@ def test_every_frame_has_its_state(tmp_path: Path):
     assert (header["size"], header["fps"]) == ((68, 34), FPS)
     reds = [np.frombuffer(frame, np.uint8).reshape(34, 68, 3)[:, :34, 0].mean() for frame in reader]
     np.testing.assert_allclose(reds, 30 * np.arange(FRAMES), atol=12)
+
+
+def test_a_film_for_which_there_is_no_room_is_none(tmp_path: Path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OutputError, match="film"):
+            keep(tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_data_set_has_the_published_layout(tmp_path: Path):
