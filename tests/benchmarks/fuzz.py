@@ -40,7 +40,6 @@ from gvla2.robot.arm_from_urdf import arm_from_urdf
 from gvla2.robot.backend import Moment
 from gvla2.robot.calibration import CONVENTION, Calibration
 from gvla2.robot.looks import link_surfaces
-from gvla2.robot.mujoco.description import write_urdf
 from gvla2.robot.scan import read_scan
 from gvla2.robot.urdf import read_urdf
 from gvla2_plugins.file_prior import FilePriorConfig
@@ -154,7 +153,7 @@ def robots(folder: Path) -> Targets:
         config.fingers, config.gripper_actuators = ["f-1", "f1"], ["g-1", "g1"]
         world = MjcfWorld(config)
         world.begin(0)
-        write_urdf(world.model, world.names, 2.0)
+        world.measure()  # by the arm that the model has
 
     def sapien(path: Path) -> None:
         arm_from_urdf(SapienArmConfig(urdf=str(path), tool_link="l6", home=[0.0] * 6))
