@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import ConfigurationError
 from gvla2.plugins.kinds import NONE
 from gvla2.plugins.registry import Registry
+from gvla2.robot.options import TaskConfig
 
 if TYPE_CHECKING:
     from gvla2.episode.loop import Components
@@ -26,8 +28,8 @@ def build_components(
     """All components that the configuration chose; the caller closes the robot and the memory.
 
     ``choices`` are their names in the record, by default their names by group, without those that nothing uses here;
-    ``branch`` the options of the reconstruction branch. Raises :class:`ConfigurationError` for a camera that the
-    robot would not use.
+    ``branch`` the options of the reconstruction branch. A perceiver without a gallery gets the task's known objects.
+    Raises :class:`ConfigurationError` for a camera that the robot would not use.
     """
     from gvla2.episode.loop import Components
     from gvla2.episode.refine import GeometryComponents
@@ -40,6 +42,10 @@ def build_components(
             f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
             f"{', '.join(takers) or 'none is installed'}."
         )
+    task, perceiver = (getattr(config, kind, None) for kind in ("task", "perceiver"))
+    if isinstance(task, TaskConfig) and getattr(perceiver, "gallery", None) == "":
+        root: Any = config
+        config = replace(root, perceiver=replace(root.perceiver, gallery=task.known_objects))
     built: dict[str, Any] = {}
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
     if choices is None:

@@ -107,6 +107,7 @@ TAKEN = frozenset(
             "seed",
             "episodes",
             "quiet",
+            "record",
             "second_tries",
             "replan",
             "planner_timeout",
