@@ -49,14 +49,10 @@ def build_components(
     built: dict[str, Any] = {}
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
     if choices is None:
-        idle = GEOMETRY[1:] if registry.chosen(config, "reconstructor") == NONE else ()
-        needs = {
-            need
-            for kind in registry.kinds
-            for one in registry.components(kind).values()
-            for need in one.needs
-        }
-        idle = {*idle, *(needs - set(built))}
+        offered = (one for kind in registry.kinds for one in registry.components(kind).values())
+        idle = {need for one in offered for need in one.needs} - set(built)
+        if registry.chosen(config, "reconstructor") == NONE:
+            idle.update(GEOMETRY[1:])
         choices = {kind: getattr(config, kind).name for kind in registry.groups if kind not in idle}
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
     return Components(
