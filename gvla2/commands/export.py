@@ -116,6 +116,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     failure = result.get("failure") or {}
     labels = {
         "seed": int(result.get("seed", -1)),
+        "environment": result.get("task") or "",
         "run": "/".join(folder.absolute().parts[-2:]),
         "success": bool(succeeded),
         "verdict": result.get("verdict") or "",
@@ -143,6 +144,8 @@ def _source(folder: Path, result: Mapping[str, Any]) -> tuple[str, tuple[str, ..
     found = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
     options: Any = OmegaConf.to_container(found)  # unresolved: another's file may name our environment
     robot = options.get("robot") or result.get("robot_options") or {}
-    cameras = robot.get("video_cameras") or list(robot.get("cameras") or ())[:1]
+    cameras = list(robot.get("cameras") or ())[:1]
+    if robot.get("video_cameras") and not result.get("policy"):  # a policy is filmed by the first camera
+        cameras = list(robot["video_cameras"])
     urdf = f"urdf {robot['urdf']}" if robot.get("urdf") else ""
     return urdf, tuple(cameras) or (NO_NAME,)
