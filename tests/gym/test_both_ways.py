@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,11 @@ pytest.importorskip("gymnasium", reason="pip install 'gvla2[gym]'")
 pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
 pytest.importorskip("sapien", reason="pip install 'gvla2[sim]'")
 
-TASK = {"task": "lamp_on", "seed": 0, "memory": "none", "perceiver": "oracle"}
-SMALL = {"robot.video_size": 32, "robot.video_fps": 20, "robot.image_size": 32}
+# imageio-ffmpeg leaves the pipe to its reading process to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
+
+TASK = {"task": "put_block", "seed": 0, "memory": "none", "perceiver": "oracle"}
+FILM = {"robot.video_size": 32, "robot.video_fps": 20, "robot.video_cameras": ["front", "wrist"]}
 
 
 @dataclass
@@ -26,29 +30,23 @@ class PlayedConfig(ComponentConfig):
 
 
 class Played:
-    rate, seconds, source = 20.0, 30.0, "played"
+    rate, seconds, source = 20.0, 20.0, "played"
 
     def __init__(self, config: PlayedConfig) -> None:
         self.actions = pq.read_table(Path(config.folder) / "data")["action"].to_pylist()
 
     def begin(self, instruction: str) -> None:
-        assert "lamp" in instruction or "light" in instruction
+        assert instruction
         self.left = list(self.actions)
 
     def act(self, observation: object) -> np.ndarray:
         return np.array(self.left.pop(0) if len(self.left) > 1 else self.left[0])
 
 
-class PlayedPlugin:
-    @hookimpl
-    def gvla2_policies(self) -> list[Component]:
-        return [Component("played", PlayedConfig, Played, summary="plays a data set")]
-
-
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("both")
-    record = gvla2.run(**TASK, **SMALL, **{"robot.video_cameras": ["front", "wrist"]}, folder=folder / "run")
+    record = gvla2.run(folder / "run", **TASK, **FILM)
     assert record.success_check.relaxed
     assert cli.main(["export", "lerobot", str(folder / "run"), f"to={folder / 'set'}"]) == 0
     return folder / "set"
@@ -64,13 +62,17 @@ def test_the_actions_of_a_data_set_reach_the_goal_again(dataset: Path):
 
 
 def test_a_policy_drives_until_the_goal_is_reached_and_the_record_says_how(dataset: Path, tmp_path: Path):
-    plugin = gvla2.register(PlayedPlugin())
-    try:
-        played = {"policy": "played", "policy.folder": str(dataset), "robot.cameras": ["front"]}
-        record = gvla2.run(**TASK, **SMALL, **played, folder=tmp_path)
-        other = gvla2.run(**TASK | {"seed": 5}, **SMALL, **played)
-    finally:
-        gvla2.unregister(plugin) if hasattr(gvla2, "unregister") else None
+    component = Component("played", PlayedConfig, Played, summary="plays a data set")
+    name = gvla2.register(SimpleNamespace(gvla2_policies=hookimpl(lambda: [component])), "played")
+    played = {
+        "policy": "played",
+        "policy.folder": str(dataset),
+        "robot.cameras": ["front"],
+        "robot.image_size": 32,
+    }
+    record = gvla2.run(tmp_path, **TASK, **played)
+    other = gvla2.run(**TASK | {"seed": 5}, **played)
+    gvla2.unregister(name)
     assert record.success_check.relaxed
     assert (record.failure, record.plan, record.verdict, record.rollout.source) == (
         None,
@@ -78,7 +80,7 @@ def test_a_policy_drives_until_the_goal_is_reached_and_the_record_says_how(datas
         None,
         "played",
     )
-    assert 20 < record.rollout.steps < 600
+    assert 20 < record.rollout.steps < 400
     assert (tmp_path / "episode.mp4").is_file()
     assert (other.failure.stage, other.failure.kind, other.rollout.steps) == (
         "execute",
