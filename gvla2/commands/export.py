@@ -30,7 +30,7 @@ Write the episodes of runs as a data set of LeRobot (layout v3.0): the arm's joi
 the film of each camera, the instruction; and as columns of meta/episodes the seed, the run, success, the verifier's
 verdict, and stage and kind of a failure. A RUN is the folder of a run, of a sweep, or any folder above them.
 only=success, the default, takes the episodes that the success check, or without one the verifier, calls a success.
-Runs for training: gvla2 run -m experiment=demonstrations task=... 'seed=range(50)'. Needs gvla2[export].
+Runs for training: gvla2 run -m +experiment=demonstrations task=... 'seed=range(50)'. Needs gvla2[export].
 """
 
 
