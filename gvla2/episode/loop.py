@@ -214,6 +214,24 @@ def run_episode(
     return _go_through(counted(closing), record, listener)
 
 
+def planned_again(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> EpisodeRecord:
+    """What these components would recall and plan for the scene that an episode began with, and the checks on it;
+    nothing moves.
+    """
+    seen = record.tries[0].whole[0].seen
+    names = ("episode_id", "instruction", "task", "seed", "choices", "goal")
+    look = EpisodeRecord(
+        **{name: getattr(record, name) for name in names}, observation=seen.observation, scene=seen.scene
+    )
+    asked = _planner(look, components, request)
+    stages: _Stages = (
+        ("recall", lambda r: _recall(r, components)),
+        ("plan", asked.plan),
+        ("check", asked.check),
+    )
+    return _go_through(stages, look, _SILENT)
+
+
 _Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
 
 

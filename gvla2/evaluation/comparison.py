@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
@@ -10,6 +11,7 @@ from typing import Literal
 from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.statistics import (
     Pair,
+    detectable_difference,
     exact_mcnemar,
     holm,
     mean_and_deviation,
@@ -31,7 +33,8 @@ SURE = 0.05
 """An adjusted p below it is coloured."""
 EFFECT = (
     "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
-    "lost; exact McNemar p over all pairs; tasks that differ after Holm."
+    "lost; exact McNemar p over all pairs; the least difference that so many pairs can show (p < .05, power 80 %); "
+    "tasks that differ after Holm."
 )
 
 
@@ -153,6 +156,7 @@ def effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
     change = pooled_difference(by_task)
     everything = [pair for pairs in by_task.values() for pair in pairs]
     (won, lost), p = won_and_lost(everything), exact_mcnemar(everything)
+    least = detectable_difference(everything)
     sure = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in different(by_task).items())
     unsure = change.low <= 0 <= change.high or p >= SURE
     tone: Tone = "" if unsure else "better" if change.value > 0 else "worse"
@@ -160,6 +164,7 @@ def effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
         f"{change.value:+.1f} points",
         f"[{change.low:+.1f}, {change.high:+.1f}]",
         f"{won} : {lost} of {len(everything)}, p {p:.3g}",
+        f"could show {least:.0f} points" if least < math.inf else "too few pairs to show any",
         *([sure or "no task by itself"] if len(by_task) > 1 else []),
     ]
     return SheetCell(tuple(lines), tone=tone)

@@ -103,7 +103,7 @@ class Simulation(ABC):
 
 
 class SimulatedRobot(DrivenRobot):
-    """The robot of simulations, with their tasks: each one's sentence by its name, none for a world without tasks.
+    """A robot backend of simulations. ``tasks`` are sentences by the tasks' names, none for a world without tasks;
     ``load`` makes the simulation of a task, of "" where there are none.
 
     A task is loaded once: its next seed only sets the state. The same task, seed and calls give the same episode, if
@@ -371,7 +371,8 @@ class StepDriver:
 
     def succeeded(self) -> bool | None:
         """Whether the task's goal was reached at any step of the episode; None where the world cannot know."""
-        return self._reached or self.world.succeeded()
+        done = self.world.succeeded()
+        return None if done is None else self._reached or bool(done)
 
     def _over(self) -> bool:
         return bool(self.expired()) or not self.world.sane()

@@ -20,12 +20,15 @@ PLANNER = ("planner", "model")
 """Factors that the arms of a comparison share, besides the setting."""
 EPISODE = (*PLANNER, "task", "arm", "variant", "learning", "profile", "seed", "episode")
 """Factors that distinguish the episodes of a setting."""
+FULL = 0.95
+"""A row whose arms all have more successes, or all more failures, has no room for a difference."""
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
     "seeds. Asterisk, coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, "
     "p < .05). Planning seconds include checks and answers to rejected plans; tokens are those of prompts + answers as "
     "the server counted them. Answers from a cache cost neither tokens nor time. In a learnable world each seed is "
-    "another world, and a row pools the families of that number."
+    "another world, and a row pools the families of that number. Saturated: at least 95 % of every arm's episodes "
+    "succeed, or at least 95 % fail, which leaves no room for a difference."
 )
 SUITES = (
     "Success in per cent by suite with its 95 % Wilson interval. Published results have other evidence, which the last "
@@ -58,23 +61,46 @@ def robot_sheets(
     order = list(grouped(given, *PLANNER))
     once = latest(given, lambda cell: cell.texts(*SETTING, *EPISODE))
     kept = sorted(once, key=lambda cell: (cell.texts(*SETTING), order.index(cell.texts(*PLANNER))))
+    stressed = [cell for cell in kept if cell.factors.get("stress")]
+    shared = [name for name in (*SETTING, *PLANNER) if name != "stress"]
     return [
-        sheet
-        for found in grouped(kept, *SETTING).values()
-        for sheet in _of_setting(list(map(_named, found)), groups, published)
+        *(_by_stress(found, shared) for found in grouped(stressed, *shared).values()),
+        *(s for found in grouped(kept, *SETTING).values() for s in _of_setting(found, groups, published)),
     ]
 
 
-def _named(cell: Cell) -> Cell:
-    """The cell with its arm's name in tables: with a variant's options, and how it learns where that is unusual."""
-    arm, *special = cell.texts("arm", "variant", "learning")
-    options = ", ".join(filter(None, special))
-    return replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm})
+def _named(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells with their arms' names in tables: with a variant's options, and how it learns where arms differ."""
+    learned = [cell.texts("learning")[0] for cell in cells if "learning" in cell.factors]
+    shown = ["variant", "learning"] if len({*learned}) > 1 else ["variant"]
+    found = []
+    for cell in cells:
+        arm, *special = cell.texts("arm", *shown)
+        options = ", ".join(filter(None, special))
+        found.append(replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm}))
+    return found
+
+
+def _by_stress(cells: Sequence[Cell], shared: Sequence[str]) -> Sheet:
+    """Stresses down; what memory on adds to each other arm across."""
+    found = _of_profile(cells, PROFILES[0])
+    others = [arm for arm in _arms(found) if arm != "on"]
+    rows = []
+    for (stress,), some in grouped(found, "stress").items():
+        by_arm = {arm: own for (arm,), own in grouped(some, "arm").items()}
+        on = by_arm.get("on", [])
+        effects = (effect(_pairs(by_arm.get(arm, []), on)) for arm in others)
+        rows.append(SheetRow(stress, (_rate(on, 0), *effects)))
+    headings = ("memory on", *(f"on against {arm}" for arm in others))
+    title = f"{_title(found, shared)}: what governance adds under stress"
+    counted = f"{count(len(rows), 'stress', 'stresses')}, {count(len(found), 'episode')}"
+    return Sheet(title, headings, tuple(rows), counted, runs_of(cells), EFFECT)
 
 
 def _of_setting(
     cells: Sequence[Cell], groups: Mapping[str, Sequence[str]], published: Mapping[str, Any]
 ) -> list[Sheet]:
+    cells = _named(cells)
     tasks = ordered([task for (task,) in grouped(cells, "task")])
     columns = _columns(cells)
     title = _title(cells, SETTING if len(grouped(cells, "planner")) > 1 else (*SETTING, *PLANNER))
@@ -98,8 +124,9 @@ def _of_setting(
 
 def _title(cells: Sequence[Cell], names: Sequence[str]) -> str:
     """What all these cells share."""
-    shared = (f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value)
-    return f"Robot ({', '.join(shared)})"
+    shared = [f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value]
+    learned = {cell.texts("learning")[0] for cell in cells if "learning" in cell.factors}
+    return f"Robot ({', '.join(shared + sorted(learned - {''} if len(learned) == 1 else ()))})"
 
 
 def _arms(cells: Sequence[Cell]) -> list[str]:
@@ -166,7 +193,7 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
         for task in tasks:
             entries[task].append(_rate(by_task.get((task,), []), sure.get(task, 0)))
         entries["mean over tasks"].append(_mean([cell for cell in some if _counts(cell)]))
-    rows = [SheetRow(label, tuple(line)) for label, line in entries.items()]
+    rows = [SheetRow(f"{label}{_saturated(label, found)}", tuple(line)) for label, line in entries.items()]
     asked = any(cell.measures.get("calls") or cell.measures.get("cached") for cell in everything)
     lines: dict[str, Callable[[Sequence[Cell]], str]] = {}
     if profile == PROFILES[0] and (asked or len(grouped(everything, "planner")) > 1):
@@ -181,6 +208,17 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
     rows += [_line(label, text, found) for label, text in lines.items()]
     filled = [row for row in rows if any(cell.lines not in (("0",), ("",)) for cell in row.cells)]
     return Sheet(title, tuple(columns), tuple(filled), "", (), SUCCESS)
+
+
+def _saturated(task: str, columns: Columns) -> str:
+    """A remark on a row of several arms that has no room for a difference."""
+    arms = [
+        [bool(c.measures["success"]) for c in some if c.texts("task") == (task,) and _counts(c)]
+        for some in columns.values()
+    ]
+    rates = [fmean(done) for done in arms if done]
+    full = len(rates) > 1 and (min(rates) >= FULL or max(rates) <= 1 - FULL)
+    return " (saturated)" if full else ""
 
 
 def _second_tries(cells: Sequence[Cell]) -> str:
