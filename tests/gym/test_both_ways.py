@@ -24,15 +24,17 @@ FILM = {"robot.video_size": 32, "robot.video_fps": 20, "robot.video_cameras": ["
 
 @dataclass
 class PlayedConfig(ComponentConfig):
-    """Options of a policy that plays the actions of a data set."""
+    """Options of a policy that plays the actions of a data set for some seconds."""
 
     folder: str = ""
+    seconds: float = 20.0
 
 
 class Played:
-    rate, seconds, source = 20.0, 20.0, "played"
+    rate, source = 20.0, "played"
 
     def __init__(self, config: PlayedConfig) -> None:
+        self.seconds = config.seconds
         self.actions = pq.read_table(Path(config.folder) / "data")["action"].to_pylist()
 
     def begin(self, instruction: str) -> None:
@@ -64,26 +66,14 @@ def test_the_actions_of_a_data_set_reach_the_goal_again(dataset: Path):
 def test_a_policy_drives_until_the_goal_is_reached_and_the_record_says_how(dataset: Path, tmp_path: Path):
     component = Component("played", PlayedConfig, Played, summary="plays a data set")
     name = gvla2.register(SimpleNamespace(gvla2_policies=hookimpl(lambda: [component])), "played")
-    played = {
-        "policy": "played",
-        "policy.folder": str(dataset),
-        "robot.cameras": ["front"],
-        "robot.image_size": 32,
-    }
+    played = {"policy": "played", "policy.folder": str(dataset)}
+    played |= {"robot.cameras": ["front"], "robot.image_size": 32}
     record = gvla2.run(tmp_path, **TASK, **played)
-    other = gvla2.run(**TASK | {"seed": 5}, **played)
+    other = gvla2.run(**TASK, **played, **{"policy.seconds": 1.0})
     gvla2.unregister(name)
     assert record.success_check.relaxed
-    assert (record.failure, record.plan, record.verdict, record.rollout.source) == (
-        None,
-        None,
-        None,
-        "played",
-    )
+    assert (record.failure, record.plan, record.verdict) == (None, None, None)
+    assert record.rollout.source == "played"
     assert 20 < record.rollout.steps < 400
     assert (tmp_path / "episode.mp4").is_file()
-    assert (other.failure.stage, other.failure.kind, other.rollout.steps) == (
-        "execute",
-        "goal_not_reached",
-        600,
-    )
+    assert (other.failure.kind, other.rollout.steps) == ("goal_not_reached", 20)
