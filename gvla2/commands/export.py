@@ -82,7 +82,7 @@ def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
         reasons = f"{f'{reasons}, ' if reasons else ''}{len(broken)} unreadable: {listed}"
     if not episodes:
         raise Gvla2Error(f"Nothing to export below {', '.join(map(str, runs))}: {reasons or 'no episodes'}.")
-    write_dataset(target, sorted(episodes, key=lambda one: (one.task, one.labels["seed"], one.labels["run"])))
+    write_dataset(target, sorted(episodes, key=lambda one: (one.labels["seed"], one.labels["run"])))
     frames = sum(len(episode.states) for episode in episodes)
     left_out = f"; left out: {reasons}" if reasons else ""
     return f"{count(len(episodes), 'episode')}, {frames} frames: {target}{left_out}"
