@@ -198,7 +198,7 @@ class SimulatedRobot(DrivenRobot):
             if driver.time - shot < 1.0 / rate - 1e-9 or not driver.world.sane():
                 return
             shot, draw = driver.time, driver.world.draw_later()
-            listener.moment(Moment(driver.time, state.joints, state.gripper_width, draw))
+            listener.moment(Moment(driver.time, state.joints, state.gripper_width, draw, driver.command))
             if listener.wants_frames:
                 listener.frame(draw())
 
@@ -257,7 +257,8 @@ HOLD_STEPS = 3
 class StepDriver:
     """Implements :class:`gvla2.robot.driver.Driver` in steps of a simulation, calling ``film`` after each.
 
-    Targets run ahead of the samples by the arm's lag, so that it follows them without delay.
+    Targets run ahead of the samples by the arm's lag, so that it follows them without delay. ``command`` (dof + 1,) is
+    what was sent last: joints and the width between the fingers.
     """
 
     def __init__(self, world: Simulation) -> None:
@@ -265,6 +266,7 @@ class StepDriver:
         self.film: Callable[[], None] = _nothing
         self._max_width = world.robot.arm.hand.max_width
         self._opening = 1.0  # that the hand was sent to
+        self.command: FloatArray | None = None
         self._reached = False
 
     @property
@@ -354,6 +356,7 @@ class StepDriver:
         return bool(self.expired()) or not self.world.sane()
 
     def _step(self, joints: FloatArray) -> None:
+        self.command = np.append(joints, self._opening * self._max_width)
         self.world.step(joints, self._opening)
         self.world.steps += 1
         self._reached = self._reached or bool(self.world.succeeded())
