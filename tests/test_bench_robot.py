@@ -78,7 +78,8 @@ def test_arms_that_move_alike_share_a_simulation_and_have_what_they_would_have_h
     monkeypatch.setattr(robot_episodes, "run_episode", lambda *given: moved.append(given) or real(*given))
     config = config_of(
         registry, tmp_path, "world=learnable", "seeds=[4]", "families=1", "tasks=[open_box]", "episodes=1",
-        "exploration_seeds=[0]", "second_tries=0", "embedder=static", "arms=['off','on','awm','no_replay','retry']",
+        "exploration_seeds=[0]", "exploration_replan=2", "second_tries=0", "embedder=static",
+        "arms=['off','on','awm','no_replay','retry']",
         "+own_arms.no_replay={memory: governed, replay: false}", "+own_arms.retry={memory: 'off', replan: 1}",
     )  # fmt: skip
 
