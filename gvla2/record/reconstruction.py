@@ -179,14 +179,20 @@ def compared(record: ReconstructionRecord, group: str, name: str) -> BeforeAfter
 
 
 def headline(record: ReconstructionRecord) -> tuple[str, str]:
-    """The outcome in two words, and its tone."""
+    """The outcome in a few words, and its tone, by the best evidence: a true mesh, else unused views, else masks."""
     if not record.changed:
         return "Kept as first made", "idle"
     if record.displacement < _STILL * record.size:
         return "Hardly moved", "idle"
-    fit = compared(record, "inputs", "symmetric_iou")
-    worse = fit is not None and fit.tone == "bad"
-    return ("Refined, masks fit worse", "unsure") if worse else ("Refined", "good")
+    for group, name, worse in (
+        ("truth", "cd_surface", "farther from the truth"),
+        ("held_out", "psnr", "unused views fit worse"),
+        ("inputs", "symmetric_iou", "masks fit worse"),
+    ):
+        number = compared(record, group, name)
+        if number is not None:
+            return (f"Refined, {worse}", "unsure") if number.tone == "bad" else ("Refined", "good")
+    return "Refined", "good"
 
 
 def unusual_options(record: ReconstructionRecord) -> dict[str, str]:

@@ -8,7 +8,7 @@ from typing import ClassVar
 from gvla2.component import ComponentConfig, check_ranges
 from gvla2.errors import ConfigurationError
 
-KINDS = ("none", "gaussian", "l515", "realistic")
+KINDS = ("none", "gaussian", "l515", "realistic", "poor", "bad")
 
 
 @dataclass
@@ -56,6 +56,11 @@ class TaskConfig(ComponentConfig):
     """
 
     distractors: int = 0
+
+    @property
+    def known_objects(self) -> str:
+        """The folder of the meshes that lie there, a gallery for perceivers that are given no other; "" for none."""
+        return ""
 
 
 @dataclass

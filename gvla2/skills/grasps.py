@@ -43,9 +43,6 @@ TILTS = (0.12, -0.12, 0.24, -0.24)
 """Turns of such a hand about its fingertips, radians: one end of its palm rises, where it would meet what is higher."""
 BRIM = 0.016
 """How much wider than a brim's edge the hand opens, metres: wider fingers would meet the table before they reach it."""
-STEEP, ACROSS = 0.03, 0.3
-"""Height of a flat object, metres, from which its brim is also a bowl's wall, steep enough for straight fingers from
-above, which need less room than fingers along it; and the deduction from the preference for them."""
 ASIDE, SHIFTS = 0.02, (0.35, -0.35)
 """A hold that may be shifted further than this, metres, is also tried off the middle, by these shares of it: where a
 neighbour is in the hand's way. It turns in the fingers more easily, so that others are preferred."""
@@ -150,9 +147,6 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
             grips.append((snug, ", hand opened just enough"))
         for family in FAMILIES[hold.part]:
             found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
-        if hold.part == "brim" and job.theme.extents[2] > STEEP:
-            steep = replace(hold, cost=hold.cost + ACROSS)
-            found += [_grasp(job, steep, "top", opening, grip) for opening, grip in grips]
         if hold.slide > ASIDE:
             found += [_grasp(job, hold, "top", hold.opening, ", off its middle", shift) for shift in SHIFTS]
     found += _above_neighbours(job, found)
@@ -224,8 +218,7 @@ def standing(theme: SceneObject, share: float = 1.0) -> tuple[SceneObject, Float
 
     Let go of, it falls upright about its lowest point: the middle of its box is where it will be then.
     """
-    skin = skin_of(theme)
-    if np.linalg.norm(theme.righting) < ASLANT or skin is None:
+    if np.linalg.norm(theme.righting) < ASLANT or (skin := skin_of(theme)) is None:
         return theme, np.eye(4)
     turn, fall = (Rotation.from_rotvec(part * theme.righting) for part in (share, 1.0 - share))
     about = rigid(turn.as_matrix(), theme.centre - turn.apply(theme.centre))

@@ -39,7 +39,7 @@ def lines(sheet, row: int, heading: str) -> tuple[str, ...]:
 
 def test_means_and_changes():
     (sheet,) = comparison_sheets(cells(), RECONSTRUCTION)
-    assert [row.label for row in sheet.rows] == ["G0 (baseline, no prior)", "A + B fusion"]
+    assert [row.label for row in sheet.rows] == ["baseline, no prior", "A + B fusion"]
     assert sheet.runs == (7,)
     assert lines(sheet, 0, "CD surface ×10³ ↓") == ("15.50 ± 0.71",)
     change = 100 * ((20.5 * 0.9 + 10.5 * 1.02) / 31 - 1)
