@@ -87,7 +87,7 @@ class Motion:
             if self._film is not None:
                 self._film.close()
                 self._film = None
-                _keep_whole(self._folder / UNFINISHED, self._folder / FILM)
+                check_whole(self._folder / UNFINISHED).replace(self._folder / FILM)
         if self._moments and len(self._moments) == self._frames:
             stream = io.BytesIO()
             given = [m.command for m in self._moments if m.command is not None]
@@ -116,16 +116,16 @@ class Motion:
             self._film.send(image.tobytes())
 
 
-def _keep_whole(film: Path, target: Path) -> None:
-    """Move a film to its place; remove one that is cut, and raise :class:`OutputError`: the encoder does not say so."""
+def check_whole(film: Path) -> Path:
+    """The film; removes one that is cut, and raises :class:`OutputError`: the encoder does not say so."""
     content, at, boxes = film.read_bytes() if film.is_file() else b"", 0, set()
     while at < len(content):  # the boxes of an MP4 file follow one another
         boxes.add(content[at + 4 : at + 8])
         at += max(int.from_bytes(content[at : at + 4], "big"), 8)
     if at != len(content) or not {b"moov", b"mdat"} <= boxes:
         film.unlink(missing_ok=True)
-        raise OutputError(f"The film '{target}' could not be written whole. Check the disk's free space.")
-    film.replace(target)
+        raise OutputError(f"The film '{film}' could not be written whole. Check the disk's free space.")
+    return film
 
 
 def _even(image: Frame) -> Frame:

@@ -216,6 +216,17 @@ class SimulatedRobot(DrivenRobot):
         done = driver.succeeded()
         return None if done is None else SuccessCheck(done, done)
 
+    def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
+        """Drive the arm by joint targets; see :class:`gvla2.robot.driver.Servo`."""
+        driver = self.driver("moved")
+        driver.film = _nothing
+        driver.servo(np.asarray(joints, dtype=np.float64), opening, seconds)
+        return self.driver("moved").state()
+
+    def reached(self) -> bool:
+        """Whether the world's own check was met at any step so far."""
+        return bool(self.driver("judged").succeeded())
+
     def seconds_left(self) -> float:
         """Simulated seconds that the world still allows, infinite without a limit."""
         world = self.driver("timed").world
@@ -257,8 +268,7 @@ HOLD_STEPS = 3
 class StepDriver:
     """Implements :class:`gvla2.robot.driver.Driver` in steps of a simulation, calling ``film`` after each.
 
-    Targets run ahead of the samples by the arm's lag, so that it follows them without delay. ``command`` (dof + 1,) is
-    what was sent last: joints and the width between the fingers.
+    Targets run ahead of the samples by the arm's lag, so that it follows them without delay.
     """
 
     def __init__(self, world: Simulation) -> None:
@@ -266,7 +276,7 @@ class StepDriver:
         self.film: Callable[[], None] = _nothing
         self._max_width = world.robot.arm.hand.max_width
         self._opening = 1.0  # that the hand was sent to
-        self.command: FloatArray | None = None
+        self._target = self.joints  # that the arm was sent to
         self._reached = False
 
     @property
@@ -280,9 +290,19 @@ class StepDriver:
         return self.world.measure()[2]
 
     @property
+    def command(self) -> FloatArray:
+        """(dof + 1,) what was sent last: joints, and the width between the fingers."""
+        return np.append(self._target, self._opening * self._max_width)
+
+    @property
     def time(self) -> float:
         """Simulated seconds of the episode."""
         return self.world.steps / self.world.rate
+
+    @property
+    def command(self) -> FloatArray:
+        """(dof + 1,) the joints and the width between the fingers that the last step was sent to."""
+        return np.append(self._target, self._opening * self._max_width)
 
     def state(self) -> DriverState:
         """The measured state, now."""
@@ -334,6 +354,13 @@ class StepDriver:
             self._step(still)
         return GripResult(self.width, self.width > opening * self._max_width + STOPPED_SHORT)
 
+    def servo(self, joints: FloatArray, opening: float, seconds: float) -> None:
+        """Drive on to joints (dof,) and an opening in [0, 1] for ``seconds``, arriving or not; nothing settles."""
+        start, self._opening = self._target, opening
+        for share in np.linspace(0.0, 1.0, 1 + round(seconds * self.world.rate))[1:]:
+            if not self._over():
+                self._step(start + share * (joints - start))
+
     def hold(self, steps: int = HOLD_STEPS) -> None:
         """Stop at the measured position and stay there."""
         joints = self.joints
@@ -356,9 +383,9 @@ class StepDriver:
         return bool(self.expired()) or not self.world.sane()
 
     def _step(self, joints: FloatArray) -> None:
-        self.command = np.append(joints, self._opening * self._max_width)
         self.world.step(joints, self._opening)
         self.world.steps += 1
+        self._target = joints
         self._reached = self._reached or bool(self.world.succeeded())
         film, self.film = self.film, _nothing  # a picture that raises is the last: the arm must still be held
         film()

@@ -164,9 +164,12 @@ def robots(folder: Path) -> Targets:
 def views(folder: Path) -> Targets:
     """Pictures with their cameras, and what programs make of them."""
     (folder / "images").mkdir()
-    Image.new("RGB", (32, 32)).save(folder / "images" / "a.png")
+    for name in ("a", "b"):
+        Image.new("RGB", (32, 32)).save(folder / "images" / f"{name}.png")
     K, T = [[40, 0, 16], [0, 40, 16], [0, 0, 1]], np.eye(4).tolist()
-    (folder / "cameras.json").write_text(json.dumps({"K": K, "views": [{"name": "a", "T": T}] * 2}))
+    (folder / "cameras.json").write_text(
+        json.dumps({"K": K, "views": [{"name": name, "T": T} for name in "ab"]})
+    )
     np.savez(folder / "prior.npz", depth=np.ones((2, 32, 32), np.float32), world_from_camera=[T, T])
     np.savez(folder / "params.npz", scale=1.0, rotation=[1.0, 0, 0, 0], translation=[0.0, 0, 1])
     trimesh.creation.box((1, 1, 1)).export(folder / "result.glb")

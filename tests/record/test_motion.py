@@ -134,6 +134,21 @@ def test_the_tasks_are_a_frame_of_pandas_whose_index_is_the_sentence(tmp_path: P
     assert list(tasks["task_index"]) == [0, 1]
 
 
+def test_a_data_set_for_which_there_is_no_room_is_none(tmp_path: Path):
+    one, limits = demonstration(tmp_path / "a"), resource.getrlimit(resource.RLIMIT_FSIZE)
+    target = tmp_path / "sets" / "set"
+    (target.parent / ".set.unfinished" / "of a killed export").mkdir(parents=True)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, limits[1]))
+    try:
+        with pytest.raises(OutputError, match="set"):
+            write_dataset(target, [one])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(target.parent.iterdir())
+    write_dataset(target, [one])
+    assert (target / "meta" / "info.json").is_file()
+
+
 def test_a_data_set_that_cannot_be_written_is_refused(tmp_path: Path):
     one = demonstration(tmp_path / "a")
     with pytest.raises(Gvla2Error, match="There is no episode"):
