@@ -290,11 +290,6 @@ class StepDriver:
         return self.world.measure()[2]
 
     @property
-    def command(self) -> FloatArray:
-        """(dof + 1,) what was sent last: joints, and the width between the fingers."""
-        return np.append(self._target, self._opening * self._max_width)
-
-    @property
     def time(self) -> float:
         """Simulated seconds of the episode."""
         return self.world.steps / self.world.rate
