@@ -6,6 +6,7 @@ import contextlib
 import gc
 import os
 import sys
+import traceback
 from collections.abc import Sequence
 
 COMMANDS = {
@@ -73,6 +74,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
     except SystemExit as leaving:  # argparse: 0 after --help, 2 for wrong usage
         return int(leaving.code or 0)
+    except Exception:  # a fault of ours; the text in it may be another's, and must not control the terminal
+        from gvla2.record.text import printable
+
+        print(printable(traceback.format_exc()), file=sys.stderr)
+        return 1
     return status
 
 

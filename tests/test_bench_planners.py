@@ -4,6 +4,7 @@ Most episodes are made up, since the design is tested; the last test moves a rob
 """
 
 import json
+from collections import Counter
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -14,7 +15,7 @@ from gvla2.commands.bench import run_bench
 from gvla2.commands.report import ReportConfig, job
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.evaluation.arms import Story
-from gvla2.evaluation.suites import robot
+from gvla2.evaluation.suites import robot_episodes, robot_stress
 from gvla2.evaluation.suites.robot_episodes import cells_of, spent_on
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
@@ -22,6 +23,8 @@ from gvla2.robot.backend import SuccessCheck
 from tests.composing import bench_config
 from tests.local_model import LocalModel, said
 from tests.quick import QUICK
+
+BANKS = {"on": "default", "semantic": "semantic"}
 
 
 def config_of(registry, folder: Path, *overrides: str):
@@ -47,7 +50,7 @@ def units(monkeypatch):
     """What was run, in order; episodes succeed on even layouts."""
     ran = []
 
-    def pretend(unit, registry):
+    def pretend(unit, registry, earlier):
         ran.append(unit)
         name, won = unit.config.planner.name, unit.layout % 2 == 0
         asks = name != "skill"
@@ -61,7 +64,7 @@ def units(monkeypatch):
         explored = unit.arm.name == "exploration"
         return cells_of(unit, record, 1.0, (story(unit.subject, name, unit.layout),) if explored else ())
 
-    monkeypatch.setattr(robot, "run_unit", pretend)
+    monkeypatch.setattr(robot_episodes, "run_unit", pretend)
     return ran
 
 
@@ -111,16 +114,16 @@ def test_each_planner_teaches_itself(registry, tmp_path, units):
 
 
 def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, monkeypatch):
-    real = robot.run_unit
+    real = robot_episodes.run_unit
 
-    def only_the_lamp_teaches(unit, registry):
-        found = real(unit, registry)
+    def only_the_lamp_teaches(unit, registry, earlier):
+        found = real(unit, registry, earlier)
         if unit.subject != "lamp_on":
             for cell in found:
                 cell.notes.pop("stories", None)
         return found
 
-    monkeypatch.setattr(robot, "run_unit", only_the_lamp_teaches)
+    monkeypatch.setattr(robot_episodes, "run_unit", only_the_lamp_teaches)
     given = ["tasks=[lamp_on,put_block]", "arms=['shuffled']", "layouts=[200]", "exploration_seeds=[0]"]
     run_bench(config_of(registry, tmp_path, *given), registry, tmp_path / "out")
     shown = {unit.subject: unit for unit in units if unit.arm.name == "shuffled"}
@@ -128,6 +131,38 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
     assert lessons_in(shown["put_block"]) == {"skill did lamp_on well."}
     assert shown["lamp_on"].lessons.asked is None, "nothing was learned elsewhere"
     assert not lessons_in(shown["lamp_on"])
+
+
+def test_a_stress_changes_what_the_arms_have_lived_or_heard(registry, tmp_path, units, monkeypatch):
+    monkeypatch.setattr(robot_stress, "CROWD", 60)
+    monkeypatch.setattr(robot_stress, "BUDGET", 20)
+    given = ["world=learnable", "seeds=[4]", "tasks=[lamp_on]", "arms=['off','on','semantic']", "episodes=1"]
+    stresses = "stresses=[none,verifier,drift,import,crowd,twins,all]"
+    config = config_of(registry, tmp_path, *given, "exploration_seeds=[0,1]", "embedder=static", stresses)
+    assert run_bench(config, registry, tmp_path / "out") == 1
+    explored = [u for u in units if u.arm.name == "exploration"]
+    lived = {
+        (u.config.verifier.name, u.task.get("drifted", False), u.task.get("twins", False), u.layout)
+        for u in explored
+    }
+    ways = [("geometric", False), ("flaky", False), ("geometric", True)]
+    steady = {(verifier, False, alike, layout) for verifier, alike in ways for layout in (0, 1)}
+    drifting = {("geometric", True, False, 1), ("flaky", False, True, 0), ("flaky", True, True, 1)}
+    assert lived == steady | drifting
+    assert len(explored) == 2 * len(lived), "both families, each once for all the stresses"
+    known: dict[tuple[str, str], Counter] = {}
+    for unit in units:
+        if unit.arm.learns:
+            with KnowledgeBank(f"sqlite:///{unit.lessons.bank}", bank=BANKS[unit.arm.name]) as bank:
+                states = Counter(record.state for record in bank.records())
+                known[unit.factors["stress"], unit.arm.name] = states
+    assert len(rows_of(tmp_path / "out")) == 7 * 3 * 2, "stresses x arms x families"
+    own = known["none", "on"]["active"]
+    assert known["import", "on"] == {"active": own, "provisional": 30}
+    assert known["import", "semantic"]["active"] == known["none", "semantic"]["active"] + 30
+    assert known["crowd", "on"]["active"] == 20
+    assert known["crowd", "semantic"]["active"] == known["none", "semantic"]["active"] + 60
+    assert "what governance adds under stress" in (tmp_path / "out" / "index.html").read_text()
 
 
 def test_what_an_episode_cost_is_counted_over_attempts_and_parts():

@@ -12,6 +12,7 @@ import pytest
 from gvla2.commands.bench import run_bench
 from gvla2.errors import Gvla2Error, PlannerTimeoutError
 from gvla2.evaluation.engine import in_processes
+from gvla2.evaluation.suites import robot_episodes
 from tests.composing import bench_config
 from tests.dying import dies, dies_once, sleeps
 from tests.quick import QUICK
@@ -68,6 +69,32 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
     assert run_bench(config, registry, tmp_path / "second") == 1
     assert rows_of(tmp_path / "second") == rows
     assert not (tmp_path / "second" / "banks").exists()
+
+
+def test_arms_that_move_alike_share_a_simulation_and_have_what_they_would_have_had(
+    registry, tmp_path, monkeypatch
+):
+    moved, real = [], robot_episodes.run_episode
+    monkeypatch.setattr(robot_episodes, "run_episode", lambda *given: moved.append(given) or real(*given))
+    config = config_of(
+        registry, tmp_path, "world=learnable", "seeds=[4]", "families=1", "tasks=[open_box]", "episodes=1",
+        "exploration_seeds=[0]", "exploration_replan=2", "second_tries=0", "embedder=static",
+        "arms=['off','on','awm','no_replay','retry']",
+        "+own_arms.no_replay={memory: governed, replay: false}", "+own_arms.retry={memory: 'off', replan: 1}",
+    )  # fmt: skip
+
+    def measured(name: str) -> tuple[list[tuple], int]:
+        moved.clear()
+        assert run_bench(config, registry, tmp_path / name) == 1
+        same = ("arm", "success", "failure", "message", "verdict", "parameters", "recalled")
+        return [tuple(str(row[key]) for key in same) for row in rows_of(tmp_path / name)], len(moved)
+
+    shared, few = measured("shared")
+    assert few == 1 + 3, "exploration; off, which is awm's too; on, which is no_replay's too; and retry"
+    config.results.fresh = True
+    monkeypatch.setattr(robot_episodes, "_alike", lambda *given: None)
+    assert measured("alone") == (shared, 1 + 5)
+    assert len(shared) == 2 * 5
 
 
 def test_only_failures_are_filmed_where_only_these_are_wanted(registry, tmp_path):

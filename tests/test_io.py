@@ -3,6 +3,8 @@
 import json
 import logging
 import os
+import struct
+import zlib
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -12,7 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.errors import OutputError
+from gvla2.errors import GeometryError, OutputError
+from gvla2.io import foreign
 from gvla2.io.array_cache import cache_folder, cached_arrays
 from gvla2.io.database_url import parsed, shown
 from gvla2.io.files import plain, write_json, write_text, write_whole
@@ -159,3 +162,26 @@ def test_no_message_has_a_password() -> None:
     assert (
         shown("postgresql://host/bank?user=a&password=hush") == "postgresql://host/bank?user=a&password=..."
     )
+
+
+def test_what_unpacks_to_more_than_memory_and_what_is_no_file_are_refused(
+    tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.setattr(foreign, "MOST_BYTES", 2000)
+    np.savez_compressed(tmp_path / "bomb.npz", depth=np.zeros(1000), other=np.zeros(9))
+    np.save(tmp_path / "bomb.npy", np.zeros(1000))
+    size = struct.pack(">4sIIBBBBB", b"IHDR", 30_000, 20_000, 8, 2, 0, 0, 0)
+    picture = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + size + struct.pack(">I", zlib.crc32(size))
+    (tmp_path / "bomb.png").write_bytes(picture + bytes(4) + b"IDAT")
+    for name in ("pipe.npz", "pipe.npy", "pipe.png"):
+        os.mkfifo(tmp_path / name)
+    for stem, words in (("bomb", "maximum|exceeds limit"), ("pipe", "a pipe or a device")):
+        for suffix, read in (
+            ("npz", lambda path: foreign.read_arrays(path, "the depth", ("depth",))),
+            ("npy", lambda path: foreign.read_array(path, "the depth")),
+            ("png", foreign.read_picture),
+        ):
+            with pytest.raises(GeometryError, match=rf"{stem}\.{suffix}: .*({words})"):
+                read(tmp_path / f"{stem}.{suffix}")
+    found = foreign.read_arrays(tmp_path / "bomb.npz", "the depth", ("other", "absent"))
+    assert {name: array.size for name, array in found.items()} == {"other": 9}

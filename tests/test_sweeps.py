@@ -9,8 +9,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -20,65 +21,96 @@ from gvla2 import cli
 from gvla2.commands import run, sweeps
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.statistics import wilson_interval
-from gvla2.evaluation.sweeps import run_sheets
+from gvla2.evaluation.sweeps import reconstruction_sheets, run_sheets
+from gvla2.evaluation.tables import Sheet, render_report, to_csv, to_latex
 from tests.quick import QUICK
 
 
-def cell(job: int, succeeded: int, status: str = "ok", run: int = 1, **factors: str) -> Cell:
-    measures = {
-        "episodes": 2,
-        "succeeded": succeeded,
-        "succeeded_strict": 0,
-        "seconds": 3.0,
-        "tokens": 10 * job,
-    }
-    layouts = [[2 * job + k, k < succeeded, False] for k in range(2)]
-    notes = {"status": status, "folder": f"/f/{job}", "layouts": layouts}
-    return Cell(f"{run}-{job}", {"job": job, **factors}, measures, notes, run)
+def cell(job: int, seed: int, failure: str = "", run: int = 1, **factors: str) -> Cell:
+    """An episode of a job."""
+    measures = {"success": float(not failure), "seconds": 3.0, "seconds/plan": 0.5, "tokens": 10.0 * job}
+    notes = {"status": "ok", "folder": f"/f/{job}", "failure": failure, "verdict": "verified_success"}
+    return Cell(f"{run}-{job}-{seed}", {"job": job, **factors, "seed": seed}, measures, notes, run)
 
 
-def test_jobs_that_differ_in_their_seed_alone_are_one_row():
-    (table,) = run_sheets(
-        cell(job, succeeded, memory=memory, seed=str(seed), quiet="true")
-        for job, (memory, seed, succeeded) in enumerate(
-            [("none", 0, 0), ("none", 1, 1), ("governed", 0, 2), ("governed", 1, 2)]
+def pivoted(cells: Sequence[Cell]) -> tuple[dict[str, dict[str, tuple[str, ...]]], list[Sheet]]:
+    """The cells of a sweep's two tables by row and column, and the tables."""
+    sheets = run_sheets(cells)
+    rows: dict[str, dict[str, tuple[str, ...]]] = {}
+    for sheet in sheets:
+        for row in sheet.rows:
+            shown = zip(sheet.headings, (one.lines for one in row.cells), strict=True)
+            rows.setdefault(row.label, {}).update(shown)
+    return rows, sheets
+
+
+def test_a_sweep_becomes_a_table_of_what_varied_by_tasks_with_paired_tests():
+    """Without memory 8 layouts of ``lift`` fail in two ways; with it all succeed; ``push`` stays as it is."""
+    won = {("none", "push"): range(8), ("governed", "push"): range(8), ("governed", "lift"): range(8)}
+    cells = [
+        cell(
+            job,
+            seed,
+            "" if seed in won.get((memory, task), ()) else why,
+            memory=memory,
+            task=task,
+            quiet="true",
         )
-    )
-    rows = {row.label: [c.lines for c in row.cells] for row in table.rows}
-    assert list(rows) == ["memory=none", "memory=governed"], "quiet did not vary, seeds are pooled"
-    assert rows["memory=none"][0] == ("25", "[5, 70]")
-    assert rows["memory=governed"][0] == ("100", "[51, 100]")
-    assert [lines[0] for lines in rows["memory=governed"][2:]] == ["4", "3.0", "25", "2"]
-    assert table.films[0].caption == "memory=none, seed=0: 0 of 2"
-    assert "4 jobs; runs 1" in table.footnote
+        for job, (memory, task) in enumerate(product(("none", "governed"), ("push", "lift")))
+        for seed, why in enumerate(["slipped"] * 3 + ["goal_not_reached"] * 5)
+    ]
+    rows, (success, costs) = pivoted(cells)
+    none, governed = rows["memory=none"], rows["memory=governed"]
+    assert list(rows) == ["memory=none", "memory=governed"], "quiet did not vary"
+    assert (none["lift"], none["push"][0], none["mean"]) == (("0.0", "[0, 32] 0/8"), "100.0", ("50.0",))
+    assert (governed["lift"][0], governed["mean"]) == ("100.0 *", ("100.0",))
+    points, _, counts, tasks = governed["against the first row"]
+    assert (points, counts, tasks) == ("+50.0 points", "8 : 0 of 16, p 0.00781", "lift +")
+    assert (none["slipped"], none["goal_not_reached"], none["episodes"]) == (("3",), ("5",), ("16",))
+    assert (governed["slipped"], governed["jobs"]) == (("0",), ("2",))
+    assert [film.failed for film in costs.films] == [False] * 8 + [True] * 8 + [False] * 16
+    page = render_report([success, costs], [], "a sweep")
+    assert page.count('class="failed"') == 8
+    latex = to_latex([success])
+    assert r"memory=governed & 100.0 {\scriptsize {[}68, 100] 8/8} & 100.0 *" in latex
+    assert "McNemar" not in "".join(line for line in latex.splitlines() if not line.startswith("%"))
+    header, first, *_ = csv.reader(to_csv(cells).splitlines())
+    row = dict(zip(header, first, strict=True))
+    assert (row["seconds/plan"], row["failure"], row["verdict"]) == ("0.5", "", "verified_success")
 
 
 def test_a_layout_that_two_jobs_ran_counts_once_in_the_interval():
-    def with_layouts(job: int, first: int) -> Cell:
-        made, layouts = cell(job, 1, seed=str(first)), [[first, True, False], [first + 1, False, False]]
-        return replace(made, notes={**made.notes, "layouts": layouts})
-
-    (table,) = run_sheets([with_layouts(0, 0), with_layouts(1, 1)])
-    (row,) = table.rows
+    rows, (success, _) = pivoted([cell(0, 0), cell(0, 1, "slipped"), cell(1, 1), cell(1, 2, "slipped")])
     low, high = wilson_interval(1.5, 3)  # layout 1 failed once and succeeded once
-    assert row.cells[0].lines == ("50", f"[{100 * low:.0f}, {100 * high:.0f}]")
-    assert row.cells[2].lines == ("4 of 3 layouts",)
-    assert table.title == "Runs: seed varied"
+    assert rows["all jobs"]["success"] == ("50.0", f"[{100 * low:.0f}, {100 * high:.0f}] 1.5/3")
+    assert rows["all jobs"]["episodes"] == ("4",)
+    assert success.title == "Runs: seed varied"
 
 
 def test_a_failed_job_is_counted_and_measured_nowhere():
-    (table,) = run_sheets([cell(0, 2, task="a"), cell(1, 0, "failed: no robot", task="b")])
-    rows = {row.label: [c.lines[0] for c in row.cells] for row in table.rows}
-    assert rows["task=b"] == [
-        "not measured",
-        "not measured",
-        "0",
-        "not measured",
-        "not measured",
-        "1, 1 failed",
-    ]
-    assert table.films[1].caption == "task=b: failed: no robot"
-    assert "1 of them failed" in table.footnote
+    broken = Cell("1-1", {"job": 1, "task": "b"}, {}, {"status": "failed: no robot", "folder": "/f/1"}, 1)
+    rows, (success, costs) = pivoted([cell(0, 0, task="a"), broken])
+    assert (rows["all jobs"]["b"], rows["all jobs"]["mean"]) == (("not measured",), ("100.0",))
+    assert (rows["all jobs"]["episodes"], rows["all jobs"]["jobs"]) == (("1",), ("2, 1 failed",))
+    assert costs.films[1].caption == "task=b, seed=: failed: no robot"
+    assert "1 of them failed" in success.footnote
+
+
+def test_a_sweep_of_reconstructions_compares_what_varied_over_objects():
+    def made(job: int, fusion: str, views: str, distance: float) -> Cell:
+        factors = {"job": job, "fusion": fusion, "views": views, "object": views}
+        return Cell(
+            f"{job}", factors, {"symmetric_iou": 0.9, "cd_surface": distance}, {"folder": f"/f/{job}"}, 1
+        )
+
+    jobs = enumerate(product(("none", "blend"), "abcde"))
+    (table,) = reconstruction_sheets(
+        made(job, fusion, views, 4.0 if fusion == "none" else 2.0) for job, (fusion, views) in jobs
+    )
+    assert table.headings == ("symmetric IoU ↑", "CD surface ×10³ ↓")
+    assert [row.label for row in table.rows] == ["fusion=none", "fusion=blend"]
+    assert table.rows[1].cells[1].lines == ("2.00", "-50.00 % [-50.00, -50.00]")
+    assert table.rows[1].cells[1].tone == "better"
 
 
 SWEEP = ("run", "-m", "seed=0,1", *QUICK)
@@ -118,7 +150,8 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     ]
     again = re.search(r"To resume: gvla2 (.*)", output.err)
     assert again is not None
-    assert re.search(r"\[0: .* -> .*index.html", output.err), "quiet=true still says how a job ended"
+    assert re.search(r"\[0: seed=0\] -> .*index.html", output.err), "quiet=true still says how a job ended"
+    assert "[0: seed=0] 1 of 2 jobs done, about " in output.err
 
     assert cli.main(shlex.split(again.group(1))) == 0
     output = capsys.readouterr()
@@ -127,7 +160,8 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     assert "all jobs" in output.out
     rows = list(csv.DictReader((folder / "report.csv").read_text().splitlines()))
     assert [row["seed"] for row in rows] == ["0", "1"]
-    assert {row["episodes"] for row in rows} == {"1.0"}
+    assert {row["success"] for row in rows} == {"1.0"}
+    assert all(float(row["seconds/plan"]) > 0 for row in rows)
     assert [(Path(row["folder"]) / "index.html").is_file() for row in rows] == [True, True]
     page = (folder / "index.html").read_text()
     assert page.count("episode.mp4") + page.count("before.png") >= 2
@@ -159,9 +193,10 @@ def test_a_planner_that_crashes_fails_and_a_memory_that_is_not_there_is_reported
     assert cli.main(sweep) == 0
     output = capsys.readouterr()
     (folder,) = here.glob("outputs/run/*/*-sweep")
-    (row,) = csv.DictReader((folder / "report.csv").read_text().splitlines())
-    assert (row["episodes"], row["succeeded"], row["status"]) == ("2.0", "1.0", "ok")
-    assert row["memory_unavailable"] == "2.0"
+    first, second = csv.DictReader((folder / "report.csv").read_text().splitlines())
+    assert (first["success"], first["failure"], second["failure"]) == ("", "crashed", "")
+    assert second["success"] == "1.0"
+    assert "1 of 2 episodes succeeded, 50 % | 95 % interval 9 to 91 | 1 crashed" in output.err
     assert "all jobs (memory unavailable in 2 of 2)" in " ".join(output.out.split())
     assert "memory unavailable in 2 of 2 episodes: " in output.err
     (result,) = folder.glob("*/result.json")
@@ -223,13 +258,15 @@ def test_a_pipe_in_place_of_a_jobs_result_holds_nothing_up(tmp_path: Path):
 
 def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path: Path):
     digest = sweeps.digest_of(compose_run("seed=1"))
-    row: dict[str, Any] = {"status": "ok", "digest": digest, "episodes": 4, "succeeded": 3}
+    row: dict[str, Any] = {"status": "ok", "digest": digest, "value": 0.75, "rows": []}
     (tmp_path / sweeps.JOB).write_text(json.dumps(row))
     assert sweeps.done_before(tmp_path, sweeps.digest_of(compose_run("seed=1", "quiet=false"))) == 0.75
     assert sweeps.done_before(tmp_path, sweeps.digest_of(compose_run("seed=2"))) is None
     (tmp_path / sweeps.JOB).write_text(json.dumps({**row, "status": "failed: no robot"}))
     assert sweeps.done_before(tmp_path, digest) is None
-    (tmp_path / sweeps.JOB).write_text(json.dumps({**row, "memory_unavailable": 1}))
+    (tmp_path / sweeps.JOB).write_text(
+        json.dumps({**row, "rows": [{"notes": {"memory_unavailable": "no database"}}]})
+    )
     assert sweeps.done_before(tmp_path, digest) is None, "its memory was not there"
     (tmp_path / sweeps.JOB).write_text("{half")
     assert sweeps.done_before(tmp_path, digest) is None

@@ -16,7 +16,8 @@ class AgentTask:
 
     ``files`` holds the initial contents of the working folder; None if the task needs an image instead. When the agent
     has finished, ``test.sh`` in ``tests`` is run; the agent never sees that folder. ``family`` names the technique that
-    tasks share ("" for none). Times in seconds; the task's files may take ``disk_mb``, each process ``memory_mb``.
+    tasks share ("" for none). Times in seconds; the task's files may take ``disk_mb``, all processes together
+    ``memory_mb``.
     """
 
     name: str

@@ -5,13 +5,18 @@ The host never opens, follows or executes a file that an agent wrote: commands i
 
 from __future__ import annotations
 
+import errno
+import os
+import platform
+import resource
 import shlex
 import shutil
+import struct
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from gvla2.agents.contracts import AgentTask, EnvironmentFailedError, Output
@@ -25,13 +30,17 @@ _READABLE_IN_ETC = ("alternatives", "ld.so.cache", "localtime", "python3", "mime
 OUTPUT = 8000
 """Bytes kept of a command's output."""
 WATCH_SECONDS = 0.2
-"""Between looks at how much a running command has written."""
+"""Between looks at how much a running command has written, and how much memory it takes."""
+SHARED = 256 << 20
+"""Bytes of processes together from which on it is worth counting shared pages once."""
+_KEY_CALLS = {"x86_64": (0xC000003E, (248, 249, 250)), "aarch64": (0xC00000B7, (217, 218, 219))}
+"""By machine: its number in Linux's audits, and the numbers of the calls add_key, request_key and keyctl."""
 _GUARDED = """\
 ulimit -c 0 -u 4096 -f {file_blocks} -v {memory_kb} 2>/dev/null
 cd {folder} 2>/dev/null || cd /
-o=/dev/shm/output
+o=/run/output
 timeout -k 1 {seconds:g} {words} >$o 2>&1 </dev/null; status=$?
-n=$(stat -c %s $o)
+n=$(stat -c %s $o 2>/dev/null || echo 0)
 if [ $n -le {output} ]; then cat $o
 else head -c {half} $o; echo; echo "[... $((n - 2 * {half})) bytes cut ...]"; tail -c {half} $o; fi
 exit $status
@@ -44,7 +53,8 @@ class BubblewrapSandbox:
 
     Commands get no network, no other process, and none of the host's variables or files but its programs. ``root`` is a
     folder of the host for what they write: the working folder, ``/tmp``, the home, ``/logs``; all else is read-only but
-    ``/dev/shm``. The files may take ``disk_mb``, each process ``memory_mb``.
+    ``/dev/shm`` and ``/run``. The files may take ``disk_mb``, so may each of these two, and all processes of a command
+    together ``memory_mb``.
     """
 
     folder = _WRITABLE["app"]
@@ -67,7 +77,7 @@ class BubblewrapSandbox:
         variables: Mapping[str, str] | None = None,
         shown: Mapping[Path, str] | None = None,
     ) -> Output:
-        """Run a command by bash in the working folder; it ends after ``seconds`` or when it fills the disk.
+        """Run a command by bash in the working folder; it ends after ``seconds``, or when it fills disk or memory.
 
         It sees the folders ``shown`` of the host, read-only, at these places; links in them lead nowhere on the host. A
         command that cannot be started (a NUL byte, too long) is an output with status 126.
@@ -86,19 +96,23 @@ class BubblewrapSandbox:
         # Read-only once every mount point is made: bubblewrap's root and /dev are memory without a limit, and where
         # the host's user is root, /proc/sys holds the host's settings.
         closed = [word for place in ("/proc", "/dev", "/") for word in ("--remount-ro", place)]
-        before, full, free = self._megabytes(), False, shutil.disk_usage(self._root).free
+        before, full, hungry, free = self._megabytes(), False, False, shutil.disk_usage(self._root).free
+        most, shared = self._memory_mb << 20, _shared_memory() + 2 * (self._disk_mb << 20)
         room, begun = max(self._disk_mb - before, 0) << 20, time.monotonic()
-        try:
-            # Bubblewrap itself gets no variable either: its environment is readable in the sandbox.
-            process = subprocess.Popen(
-                [*self._arguments, *mounts, *closed, "--chdir", self.folder, "bash", "-c", guarded],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                env={},
-            )
-        except (OSError, ValueError) as error:
-            return Output(f"The command cannot be run: {error}", 126, time.monotonic() - begun)
+        with _keyless() as (fd, closed_calls):
+            words = [*self._arguments, *mounts, *closed, *closed_calls, "--chdir", self.folder, "bash", "-c"]
+            try:
+                # Bubblewrap itself gets no variable either: its environment is readable in the sandbox.
+                process = subprocess.Popen(
+                    [*words, guarded],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    env={},
+                    pass_fds=fd,
+                )
+            except (OSError, ValueError) as error:
+                return Output(f"The command cannot be run: {error}", 126, time.monotonic() - begun)
         with process:
             try:
                 # Watched from outside, where no command can end the watch; one that makes room may run on. Counting is
@@ -106,7 +120,8 @@ class BubblewrapSandbox:
                 while (written := _written_by(process)) is None:
                     if free - shutil.disk_usage(self._root).free > room:
                         full = self._megabytes() > max(self._disk_mb, before)
-                    if full or time.monotonic() - begun > seconds + 10:
+                    hungry = max(_memory_of(process.pid), _shared_memory() - shared) > most
+                    if full or hungry or time.monotonic() - begun > seconds + 10:
                         break
             finally:
                 process.kill()
@@ -114,6 +129,8 @@ class BubblewrapSandbox:
         full = full or self._megabytes() > max(self._disk_mb, before)
         if full:
             return Output(f"[Ended: the files are larger than {self._disk_mb} MB.]\n", 137, spent)
+        if hungry:
+            return Output(f"[Ended: its processes took more than {self._memory_mb} MB.]\n", 137, spent)
         if written is None:
             return Output("", 137, spent, timed_out=True)
         late = process.returncode in (124, 137) and spent >= seconds
@@ -133,6 +150,55 @@ def _written_by(process: subprocess.Popen[bytes]) -> bytes | None:
         return None
 
 
+@contextmanager
+def _keyless() -> Iterator[tuple[Sequence[int], Sequence[str]]]:
+    """A file descriptor and bubblewrap's arguments for a filter of system calls (seccomp) that refuses the kernel's
+    keyrings: no namespace hides those of the host's user.
+
+    Neither is there for a machine whose calls we do not know.
+    """
+    if (known := _KEY_CALLS.get(platform.machine())) is None:
+        yield (), ()
+        return
+    machine, calls = known
+    refuse = len(calls) + 5  # the place of the last step, which a jump counts from its next one
+    steps = [(0x20, 0, 0, 4), (0x15, 0, refuse - 2, machine), (0x20, 0, 0, 0), (0x35, refuse - 4, 0, 1 << 30)]
+    steps += [(0x15, refuse - 5 - k, 0, call) for k, call in enumerate(calls)]
+    steps += [(0x06, 0, 0, 0x7FFF0000), (0x06, 0, 0, 0x00050000 | errno.EPERM)]
+    read, write = os.pipe()
+    try:
+        os.write(write, b"".join(struct.pack("HBBI", *step) for step in steps))
+        os.close(write)
+        yield (read,), ("--seccomp", str(read))
+    finally:
+        os.close(read)
+
+
+def _shared_memory() -> int:
+    """Bytes of the machine's memory that lie in no process: memory files, System V segments, tmpfs."""
+    return int(Path("/proc/meminfo").read_text().partition("\nShmem:")[2].split()[0]) << 10
+
+
+def _memory_of(top: int) -> int:
+    """Bytes of memory of a process and of all that descend from it; what they share counts once."""
+    parents = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it has ended
+            parents[int(stat.parent.name)] = int(stat.read_bytes().rpartition(b")")[2].split()[1])
+    family = {top}
+    while more := {pid for pid, parent in parents.items() if parent in family} - family:
+        family |= more
+    held = {}
+    for pid in family:
+        with suppress(OSError):
+            held[pid] = int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize()
+    for pid in held if sum(held.values()) > SHARED else ():  # exact, and slower
+        with suppress(OSError):
+            shares = Path(f"/proc/{pid}/smaps_rollup").read_text().partition("\nPss:")[2].split()
+            held[pid] = int(shares[0]) << 10 if shares else 0
+    return sum(held.values())
+
+
 def _namespaces(root: Path, disk_mb: int) -> list[str]:
     """Bubblewrap's arguments: everything unshared, programs read-only, ``root``'s folders writable."""
     words = ["--unshare-all", "--unshare-user", "--disable-userns", "--die-with-parent", "--new-session"]
@@ -146,7 +212,9 @@ def _namespaces(root: Path, disk_mb: int) -> list[str]:
             words += ["--ro-bind", str(place), str(place)]
     for name in _READABLE_IN_ETC:
         words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
-    words += ["--dev", "/dev", "--size", str(disk_mb << 20), "--tmpfs", "/dev/shm", "--proc", "/proc"]
+    words += ["--dev", "/dev", "--proc", "/proc"]
+    for place in ("/dev/shm", "/run"):
+        words += ["--size", str(disk_mb << 20), "--tmpfs", place]
     for name, at in _WRITABLE.items():
         words += ["--bind", str(root / name), at]
     return words

@@ -7,6 +7,7 @@ import platform
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from typing import Any, Literal
@@ -52,14 +53,16 @@ def main(argv: Sequence[str]) -> int:
 
 def examine(registry: Registry) -> list[Check]:
     """All checks, in the order of the table."""
-    return [
-        Check("Python", "ok", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
-        *packages(),
-        *configuration(registry),
-        *plugins(registry),
-        simulator(),
-        *data(),
-    ]
+    with ThreadPoolExecutor(1) as pool:
+        probed = pool.submit(simulator)  # a process of its own: meanwhile the rest is examined
+        return [
+            Check("Python", "ok", f"{platform.python_version()} on {platform.system()} {platform.machine()}"),
+            *packages(),
+            *configuration(registry),
+            *plugins(registry),
+            data(),
+            probed.result(),
+        ]
 
 
 def packages() -> Iterator[Check]:
@@ -135,15 +138,21 @@ def simulator(modules: Sequence[str] = SIMULATOR) -> Check:
     return Check("simulator", "ok", f"{', '.join(modules)} can be imported")
 
 
-def data() -> Iterator[Check]:
-    """Locate the data sets of the benches, or say how to get them."""
-    from gvla2.evaluation.datasets import SOURCES, find_items, roots
+def data() -> Check:
+    """Locate the data sets of the benches."""
+    from gvla2.evaluation.datasets import find_items, roots
 
+    there = {}
     for kind in ("ycb30", "gso30"):
         filled = [items for place in roots(kind) if place.is_dir() and (items := find_items(kind, place))]
-        if filled:
-            where = f"{len(filled[0])} objects in {filled[0][0].folder.parent}"
-            yield Check(f"data {kind}", "ok", where)
-        else:
-            looked = f"not in {', '.join(map(str, roots(kind)))}"
-            yield Check(f"data {kind}", "warn", looked, f"{SOURCES[kind]}, below the folder GVLA2_DATA")
+        there[kind] = f"{len(filled[0])} objects in {filled[0][0].folder.parent}" if filled else "not found"
+    advice = (
+        "Only benches need them: set GVLA2_DATA to their folder; `gvla2 bench data=NAME` says what they are."
+    )
+    lacking = "not found" in there.values()
+    return Check(
+        "data sets",
+        "warn" if lacking else "ok",
+        "; ".join(f"{kind}: {found}" for kind, found in there.items()),
+        advice if lacking else "",
+    )

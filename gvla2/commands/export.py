@@ -21,12 +21,16 @@ if TYPE_CHECKING:
 MOST_LISTED = 5
 """How many unreadable episodes are listed."""
 
-USAGE = "gvla2 export lerobot RUN... to=FOLDER [only=success|all]"
+NO_NAME = "main"
+"""A camera whose name is not known."""
+
+USAGE = "gvla2 export lerobot RUN... to=FOLDER [only=success|failure|all]"
 DESCRIPTION = """\
 Write the episodes of runs as a data set of LeRobot (layout v3.0): the arm's joints and opening as state and action,
-the film, the instruction. A RUN is the folder of a run, of a sweep, or any folder above them. only=success, the
-default, takes the episodes that the success check, or without one the verifier, calls a success.
-Needs gvla2[export].
+the film of each camera, the instruction; and as columns of meta/episodes the seed, the run, success, the verifier's
+verdict, and stage and kind of a failure. A RUN is the folder of a run, of a sweep, or any folder above them.
+only=success, the default, takes the episodes that the success check, or without one the verifier, calls a success.
+Runs for training: gvla2 run -m +experiment=demonstrations task=... 'seed=range(50)'. Needs gvla2[export].
 """
 
 
@@ -38,8 +42,8 @@ def main(argv: Sequence[str]) -> int:
     options = dict(word.split("=", 1) for word in argv if word.startswith(("to=", "only=")))
     asked = parser.parse_args([word for word in argv if not word.startswith(("to=", "only="))])
     only = options.get("only", "success")
-    if not options.get("to") or only not in ("success", "all"):
-        parser.error("to=FOLDER is required, and only= is success or all")
+    if not options.get("to") or only not in ("success", "failure", "all"):
+        parser.error("to=FOLDER is required, and only= is success, failure or all")
     try:
         print(export([Path(run) for run in asked.runs], Path(options["to"]), only))
     except Gvla2Error as error:
@@ -78,7 +82,7 @@ def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
         reasons = f"{f'{reasons}, ' if reasons else ''}{len(broken)} unreadable: {listed}"
     if not episodes:
         raise Gvla2Error(f"Nothing to export below {', '.join(map(str, runs))}: {reasons or 'no episodes'}.")
-    write_dataset(target, episodes)
+    write_dataset(target, sorted(episodes, key=lambda one: (one.task, one.labels["seed"], one.labels["run"])))
     frames = sum(len(episode.states) for episode in episodes)
     left_out = f"; left out: {reasons}" if reasons else ""
     return f"{count(len(episodes), 'episode')}, {frames} frames: {target}{left_out}"
@@ -88,6 +92,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     """The episode of a run's folder, or why it is left out; None for a summary above several."""
     import numpy as np
 
+    from gvla2.io.foreign import read_arrays
     from gvla2.record.lerobot import Demonstration, VideoFile
     from gvla2.record.motion import FILM, STATES
 
@@ -96,30 +101,51 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
         return None
     judged = result.get("success")
     succeeded = result.get("verdict") == "verified_success" if judged is None else judged
-    if only == "success" and not succeeded:
-        return "not succeeded"
+    if only not in ("all", "success" if succeeded else "failure"):
+        return "succeeded" if succeeded else "not succeeded"
     for name, what in ((FILM, "without a film"), (STATES, "without states")):
         if not (folder / name).is_file():
             return what
     if len(result.get("attempts", ())) > 1:  # the arm goes home in between, unfilmed
         return "in several attempts"
-    with np.load(folder / STATES) as kept:
-        states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
-        fps = float(kept["fps"])
-    robot, source = str(result["robot"]), _source(folder, result)
+    arrays = ("joints", "gripper_width", "fps", "command")
+    kept = read_arrays(folder / STATES, "the states", arrays, Gvla2Error)
+    states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
+    commands = kept["command"].astype(np.float32) if "command" in kept else None
+    urdf, cameras = _source(folder, result)
+    failure = result.get("failure") or {}
+    labels = {
+        "seed": int(result.get("seed", -1)),
+        "environment": result.get("task") or "",
+        "run": "/".join(folder.absolute().parts[-2:]),
+        "success": bool(succeeded),
+        "verdict": result.get("verdict") or "",
+        "failure_stage": failure.get("stage", ""),
+        "failure": failure.get("kind", ""),
+    }
+    film = VideoFile.read(folder / FILM, cameras)
     return Demonstration(
-        states, fps, VideoFile.read(folder / FILM), str(result["instruction"]), robot, source
+        states,
+        float(kept["fps"]),
+        film,
+        str(result["instruction"]),
+        str(result["robot"]),
+        urdf,
+        commands,
+        labels,
     )
 
 
-def _source(folder: Path, result: Mapping[str, Any]) -> str:
-    """The arm's file, and the camera that filmed it."""
+def _source(folder: Path, result: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+    """The arm's file, and the cameras that filmed it."""
     from omegaconf import OmegaConf
 
     config = folder / "config.yaml"
     found = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
     options: Any = OmegaConf.to_container(found)  # unresolved: another's file may name our environment
     robot = options.get("robot") or result.get("robot_options") or {}
-    cameras = list(robot.get("cameras") or ())
-    named = {"urdf": robot.get("urdf"), "camera": cameras[0] if cameras else ""}
-    return ", ".join(f"{name} {what}" for name, what in named.items() if what)
+    cameras = list(robot.get("cameras") or ())[:1]
+    if robot.get("video_cameras") and not result.get("policy"):  # a policy is filmed by the first camera
+        cameras = list(robot["video_cameras"])
+    urdf = f"urdf {robot['urdf']}" if robot.get("urdf") else ""
+    return urdf, tuple(cameras) or (NO_NAME,)

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
+from gvla2.commands.sweeps import Measured, conclude, kept_job
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.evaluation.config import ResultsConfig
 from gvla2.reconstruction.options import BranchOptions
 from gvla2.record.text import count
 
@@ -41,7 +43,8 @@ class ReconstructConfig:
     ``views`` is their folder, ``views_spec`` which of them are the input (``0-4``, or ``[0-4,7]`` where a comma is
     needed; by default the protocol's 0-4 of a GSO-30 tree and all of another folder), ``size`` their longer side in
     pixels. ``targets`` are views held out to judge by, ``truth`` is a mesh file in the views' frame. ``object`` is the
-    name to show, the folder's by default; ``quiet`` leaves only errors on the terminal.
+    name to show, the folder's by default; ``quiet`` leaves only errors on the terminal. A sweep puts its jobs into the
+    database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
     """
 
     views: str | None = None
@@ -57,6 +60,7 @@ class ReconstructConfig:
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
     branch: BranchOptions = field(default_factory=BranchOptions)
+    results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:
         self.views_spec = spec_of("views_spec", self.views_spec)
@@ -75,10 +79,18 @@ def spec_of(option: str, value: Any) -> str | None:
 
 
 def job(config: ReconstructConfig, registry: Registry, folder: Path) -> float:
-    """As :func:`reconstruct`; the mean symmetric IoU with the input masks, for sweepers."""
-    record = reconstruct(config, registry, folder)
-    assert record.measures is not None
-    return record.measures.after.numbers()["symmetric_iou"]
+    """As :func:`reconstruct`; the mean symmetric IoU with the input masks, for sweepers.
+
+    A job of a sweep is not run again in a folder where it is done.
+    """
+
+    def run(label: str) -> tuple[float, list[Measured]]:
+        record = reconstruct(config, registry, folder, label)
+        numbers = record.numbers()
+        row = Measured({"object": record.name}, numbers, {"folder": str(folder.absolute())})
+        return numbers["symmetric_iou"], [row]
+
+    return kept_job(config, folder, run)
 
 
 class _Steps:
@@ -100,8 +112,10 @@ class _Steps:
         self.progress.line("warn" if warn else "done", name, self.timings[name], result)
 
 
-def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> ReconstructionRecord:
-    """Reconstruct into ``folder``; returns what was done and measured.
+def reconstruct(
+    config: ReconstructConfig, registry: Registry, folder: Path, label: str = ""
+) -> ReconstructionRecord:
+    """Reconstruct into ``folder``; returns what was done and measured. ``label`` begins each line on the terminal.
 
     Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
     """
@@ -111,7 +125,7 @@ def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> 
     from gvla2.record.reconstruction import STATES, ReconstructionRecord, ReconstructionRecorder, summary_line
     from gvla2.record.reconstruction_measures import measure
 
-    with Progress(quiet=config.quiet) as progress:
+    with Progress(quiet=config.quiet, label=label) as progress:
         steps = _Steps(progress)
         with steps.step("read"):
             given = read_inputs(config)
@@ -270,4 +284,4 @@ def main(argv: Sequence[str]) -> int:
     """Entry of ``gvla2 reconstruct [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("reconstruct", {"reconstruct": ReconstructConfig}, job, argv)
+    return conclude("reconstruct", launch("reconstruct", {"reconstruct": ReconstructConfig}, job, argv), argv)

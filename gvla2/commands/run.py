@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import os
-import sys
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
@@ -19,6 +19,7 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.commands import sweeps
 from gvla2.errors import ConfigurationError, Gvla2Error, kept_alive
 from gvla2.evaluation.config import ResultsConfig
+from gvla2.evaluation.statistics import wilson_interval
 from gvla2.plugins.assembly import build_components
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind
@@ -37,13 +38,14 @@ if TYPE_CHECKING:
     from gvla2.plugins.registry import Registry
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
-    from gvla2.record.tracker import Tracker, Viewer
+    from gvla2.record.tracker import TrackedRun, Tracker, Viewer
     from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)
 
 _OF_EPISODE = ("instruction", "depth_noise", "second_tries", "replan", "planner_timeout")
 """Options of a run that each of its episodes has."""
+RECORDS = ("none", "light", "full")
 _SOURCE_FOLDERS = 4
 """Last folders of a run's path that identify its episode: the day, the time, the job of a sweep, the seed."""
 
@@ -53,11 +55,12 @@ class RunConfig(EveryKind):
     """One episode, or many. Besides these options there is one group for each kind of component.
 
     ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
-    ``quiet`` prints only the result. An object that the hand surely missed or lost is tried again with another grasp or
-    place, up to ``second_tries`` times an episode. After an attempt that the verifier is sure has failed, the robot
-    observes and plans again, up to ``replan`` times an episode, with the reason of the failure. A planner without an
-    answer after ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or lacks the
-    means, ``fallback`` plans, another planner or none.
+    ``quiet`` prints only the result. ``record`` is what stays of an episode: ``full``; ``light`` without film, views
+    and 3D scene; ``none`` but ``config.yaml`` and ``result.json``. An object that the hand surely missed or lost is
+    tried again with another grasp or place, up to ``second_tries`` times an episode. After an attempt that the verifier
+    is sure has failed, the robot observes and plans again, up to ``replan`` times an episode, with the reason of the
+    failure. A planner without an answer after ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the
+    planner fails or lacks the means, ``fallback`` plans, another planner or none.
     ``branch`` holds the options of the reconstruction branch, which runs where a ``reconstructor`` is chosen. A sweep
     puts its jobs into the database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
     """
@@ -66,6 +69,7 @@ class RunConfig(EveryKind):
     seed: int = 0
     episodes: int = 1
     quiet: bool = False
+    record: str = "full"
     second_tries: int = 2
     replan: int = 0
     planner_timeout: float = 60.0
@@ -77,6 +81,8 @@ class RunConfig(EveryKind):
         for name, least in (("episodes", 1), ("seed", 0), ("second_tries", 0), ("replan", 0)):
             if getattr(self, name) < least:
                 raise ConfigurationError(f"{name} is {getattr(self, name)}; it must be at least {least}.")
+        if self.record not in RECORDS:
+            raise ConfigurationError(f"record is '{self.record}'; it is one of {', '.join(RECORDS)}.")
         if not 0 <= self.planner_timeout < math.inf:
             raise ConfigurationError(
                 f"planner_timeout is {self.planner_timeout}; it is in seconds, finite and not negative (0: for ever)."
@@ -100,6 +106,11 @@ class EpisodeReporter:
         self._recorder.stage(record, stage)
         log.info("%s: %s", stage, record.failure or f"{record.timings.get(stage, 0.0):.2f} s")
         self._progress.stage(record, stage)
+
+    @property
+    def wants_frames(self) -> bool:
+        """Whether the motion is filmed."""
+        return self._recorder.films
 
     def moment(self, moment: Moment) -> None:
         """The robot's state at the next frame."""
@@ -128,25 +139,18 @@ def job(config: RunConfig, registry: Registry, folder: Path) -> float:
     :class:`Gvla2Error` when an episode could not be carried out (the robot would not start, say); an episode that was
     carried out and failed is a result.
     """
-    if not sweeps.in_sweep():
-        return success_rate(run_episodes(config, registry, folder))
-    config, label = sweeps.with_fresh_bank(config, folder), sweeps.job_label()
-    digest = sweeps.digest_of(config)
-    share = None if config.results.fresh else sweeps.done_before(folder, digest)
-    if share is not None:
-        print(f"{label} is done: {folder / 'index.html'}", file=sys.stderr)
-        return share
-    for file in folder.glob(f"{sweeps.BANK}*"):  # what an earlier, unfinished try has learned
-        file.unlink()
-    # Replaced when the job ends: a process that dies leaves its job named in the sweep's table.
-    sweeps.write_failure(folder, config, Gvla2Error("its process was stopped or died"))
-    try:
-        records = run_episodes(config, registry, folder, label, count_crashes=True)
-    except Exception as error:
-        sweeps.write_failure(folder, config, error)
-        raise
-    sweeps.write_job(folder, config, digest, records)
-    return success_rate(records)
+    from gvla2.record.page import episode_folder
+
+    sweeping = sweeps.in_sweep()
+    config = sweeps.with_fresh_bank(config, folder) if sweeping else config
+
+    def run(label: str) -> tuple[float, list[sweeps.Measured]]:
+        records = run_episodes(config, registry, folder, label, count_crashes=sweeping)
+        several = config.episodes > 1
+        places = [episode_folder(folder, number) if several else folder for number in range(len(records))]
+        return success_rate(records), list(map(sweeps.measured, records, places))
+
+    return sweeps.kept_job(config, folder, run)
 
 
 def success_rate(records: Sequence[EpisodeRecord]) -> float:
@@ -166,7 +170,7 @@ def run_episodes(
     from gvla2.episode.record import ABANDONED, planner_crashed
     from gvla2.io.files import write_text
     from gvla2.record.origin import origin_of
-    from gvla2.record.page import write_index, write_summary
+    from gvla2.record.page import episode_folder, write_index, write_summary
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
 
@@ -184,25 +188,43 @@ def run_episodes(
         tracking = stack.enter_context(Tracking(tracker, config, folder, viewer, components.named))
         options: dict[str, Any] = {name: getattr(config, name) for name in _OF_EPISODE}
         for number in range(config.episodes):
-            target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
+            target = folder if config.episodes == 1 else episode_folder(folder, number)
             source = "/".join(target.parts[-_SOURCE_FOLDERS:])
             request = EpisodeRequest(seed=config.seed + number, source=source, **options)
-            listener = EpisodeReporter(RunRecorder(target, composed, "run", origin), progress)
+            recorder = RunRecorder(target, composed, "run", origin, config.record)
+            listener = EpisodeReporter(recorder, progress)
             record = _run_one(components, request, listener, count_crashes=count_crashes)
             progress.finish(record, target)
             records.append(record)
             tracking.episode(number, record, target)
             if config.episodes > 1:
                 write_summary(folder, records)
-                write_index(folder, records)
+                if config.record != "none":
+                    write_index(folder, records)
             failure = record.failure
             if failure is not None and failure.kind in ABANDONED and not planner_crashed(record):
                 raise Gvla2Error(f"{failure.message} (stage: {failure.stage}; see {target})")
+        if config.episodes > 1:
+            progress.say(total_line(records), always=True)
         reasons = [why for record in records if (why := record.memory_unavailable)]
         if reasons:  # also when quiet: such episodes are no evidence about memory
             line = f"memory unavailable in {len(reasons)} of {count(len(records), 'episode')}: {reasons[0]}"
             progress.say(line, "yellow", always=True)
     return records
+
+
+def total_line(records: Sequence[EpisodeRecord]) -> str:
+    """The episodes of a run on one line: successes with their 95 % interval, the failures, the time."""
+    won = sum(bool(r.success_check and r.success_check.relaxed) for r in records)
+    low, high = wilson_interval(won, len(records))
+    failures = Counter(code for record in records if (code := sweeps.failure_code(record)))
+    parts = [
+        f"{won} of {count(len(records), 'episode')} succeeded, {100 * won / len(records):.0f} %",
+        f"95 % interval {100 * low:.0f} to {100 * high:.0f}",
+        *(f"{amount} {code}" for code, amount in failures.most_common()),
+        sweeps.duration(sum(record.seconds for record in records)),
+    ]
+    return " | ".join(parts)
 
 
 def _run_one(
@@ -251,12 +273,14 @@ class Tracking:
         self._config, self._folder, self._named = config, folder, named
 
     def __enter__(self) -> Tracking:
+        self._call("tracker", lambda tracker: tracker.begin(self._run()))
+        return self
+
+    def _run(self) -> TrackedRun:
         from gvla2.record.tracker import TrackedRun
 
         config: Any = OmegaConf.to_container(OmegaConf.structured(self._config), enum_to_str=True)
-        run = TrackedRun("/".join(self._folder.parts[-2:]), self._folder, config)
-        self._call("tracker", lambda tracker: tracker.begin(run))
-        return self
+        return TrackedRun("/".join(self._folder.parts[-2:]), self._folder, config)
 
     def episode(self, number: int, record: EpisodeRecord, folder: Path) -> None:
         """Report a finished episode."""
@@ -309,4 +333,4 @@ def main(argv: Sequence[str]) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from gvla2.commands.hydra_job import launch
 
-    return sweeps.conclude(launch("run", {"run": RunConfig}, job, argv), argv)
+    return sweeps.conclude("run", launch("run", {"run": RunConfig}, job, argv), argv)

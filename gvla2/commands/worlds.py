@@ -9,6 +9,7 @@ from contextlib import closing
 from pathlib import Path
 
 from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.record.text import printable
 
 TASKS = """\
 Lists the tasks that `gvla2 run` takes, with the chosen robot: its own, by their instructions, if it has a world of its
@@ -40,7 +41,7 @@ def tasks(argv: Sequence[str]) -> int:
 
 
 def _failed(error: Gvla2Error) -> int:
-    print(f"gvla2: {error}", file=sys.stderr)
+    print(f"gvla2: {printable(str(error))}", file=sys.stderr)
     return 1
 
 

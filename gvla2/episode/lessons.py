@@ -122,7 +122,7 @@ def _not_executed(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
     """Nothing moved, so there is no lesson about motion; only how the planner handles such an instruction."""
     refusal = record.planned.plan.abstention
     if refusal is not None:
-        what = f"the planner abstained ({refusal.kind})"
+        what = f"the planner declined ({refusal.kind})"
     elif record.checks is not None and not record.checks.passed:
         kinds = sorted({f.kind or f.check for f in record.checks.findings if not f.passed})
         what = f"the plan was rejected before any motion ({', '.join(kinds)})"
@@ -257,7 +257,7 @@ def _describe_object(obj: SceneObject) -> str:
 
 def _describe_plan(plan: Plan) -> list[str]:
     if plan.abstention is not None:
-        return [f"Planner abstained ({plan.abstention.kind}): {plan.abstention.message}"]
+        return [f"Planner declined ({plan.abstention.kind}): {plan.abstention.message}"]
     roles = ", ".join(f"{role} {name}" for role, name in sorted(plan.roles.items()))
     numbers = ", ".join(f"{name} {value:.4g}" for name, value in sorted(plan.parameters.items()))
     stages = ", ".join(w.stage for w in plan.trajectory) if plan.trajectory else "none"

@@ -6,17 +6,20 @@ from the same explored episodes, and are frozen before the test.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import TypeAdapter
 
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.components import given_options, options_of
 from gvla2.evaluation.config import MemoryArms
 from gvla2.memory.contracts import (
+    Embedder,
     Learned,
     Memory,
     MemoryContext,
@@ -112,6 +115,35 @@ def chosen_memory(config: MemoryArms, registry: Registry, arm: BenchArm, bank: s
         options |= {"url": f"sqlite:///{bank}"}
     helpers = (*MEMORY[1:], "verifier", "language")
     return {**{kind: getattr(config, kind) for kind in helpers}, "memory": options}
+
+
+class _Remembering:
+    """An embedder that embeds each text once: arms learn the same words."""
+
+    def __init__(self, embedder: Embedder) -> None:
+        self._embedder, self._known = embedder, dict[str, NDArray[np.float32]]()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._embedder, name)
+
+    def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, D) unit rows."""
+        new = [text for text in dict.fromkeys(texts) if text not in self._known]
+        self._known |= zip(new, self._embedder.embed(new) if new else (), strict=True)
+        return np.stack([self._known[text] for text in texts]) if texts else self._embedder.embed(())
+
+
+_EMBEDDERS: dict[str, _Remembering] = {}
+"""By configuration, for all memories of this process."""
+
+
+def open_memory(config: MemoryArms, registry: Registry, arm: BenchArm, bank: str) -> Memory:
+    """An arm's memory, on the bank in the file ``bank`` if it has one."""
+    key, root = repr(config.embedder), chosen_memory(config, registry, arm, bank)
+    if key not in _EMBEDDERS and "embedder" in registry.get("memory", arm.memory).needs:
+        _EMBEDDERS[key] = _Remembering(registry.build(root, "embedder"))
+    memory: Memory = registry.build(root, "memory", {"embedder": _EMBEDDERS.get(key)})
+    return memory
 
 
 Story = tuple[MemoryEpisode, Verdict]

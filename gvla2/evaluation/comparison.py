@@ -1,14 +1,25 @@
-"""Tables that compare the rows of a suite: means, deviations over seeds, paired changes with their intervals."""
+"""Tables that compare the rows of a suite: means, rates, deviations over seeds, paired changes with their intervals."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Literal
 
 from gvla2.evaluation.results import Cell, grouped, latest, measured
-from gvla2.evaluation.statistics import mean_and_deviation, relative_change
+from gvla2.evaluation.statistics import (
+    Pair,
+    detectable_difference,
+    exact_mcnemar,
+    holm,
+    mean_and_deviation,
+    pooled_difference,
+    relative_change,
+    wilson_interval,
+    won_and_lost,
+)
 from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, Tone, runs_of
 from gvla2.record.text import count
 
@@ -17,6 +28,13 @@ FEWEST = 5
 EXPLANATION = (
     "Mean over objects ± standard deviation over seeds, if there are several; change of the mean against the first "
     "row in per cent [95 % interval, bootstrap over objects, from five objects on]."
+)
+SURE = 0.05
+"""An adjusted p below it is coloured."""
+EFFECT = (
+    "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
+    "lost; exact McNemar p over all pairs; the least difference that so many pairs can show (p < .05, power 80 %); "
+    "tasks that differ after Holm."
 )
 
 
@@ -70,7 +88,9 @@ def _sheet(group: tuple[str, ...], cells: Sequence[Cell], layout: TableLayout) -
     shared = zip(layout.groups, group, strict=True)
     objects, seeds = (max(len(grouped(some, by)) for some in by_row.values()) for by in (layout.pair, "seed"))
     return Sheet(
-        f"{layout.title}: {', '.join(f'{name} {value}' for name, value in shared if value)}",
+        ": ".join(
+            filter(None, (layout.title, ", ".join(f"{name} {value}" for name, value in shared if value)))
+        ),
         tuple(f"{measure.title} {'↓' if measure.better == 'lower' else '↑'}" for measure in layout.measures),
         tuple(rows),
         f"{count(objects, 'object')}, {count(seeds, 'seed')}",
@@ -106,3 +126,45 @@ def _means(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, float]
     """The means of what was measured, grouped by a factor."""
     found = [cell for cell in cells if cell.measures.get(measure.name) is not None]
     return {group: fmean(measured(some, measure.name)) for (group,), some in grouped(found, by).items()}
+
+
+def rate(outcomes: Sequence[float], sure: int = 0) -> SheetCell:
+    """A success rate in per cent with its 95 % Wilson interval and its counts, marked by the sign of a sure change.
+
+    An outcome between 0 and 1 is the mean of one trial that was repeated.
+    """
+    if not outcomes:
+        return NONE
+    won, trials = sum(outcomes), len(outcomes)
+    low, high = wilson_interval(won, trials)
+    tone: Tone = "" if not sure else "better" if sure > 0 else "worse"
+    value = f"{100 * won / trials:.1f}{' *' if sure else ''}"
+    return SheetCell((value, f"[{100 * low:.0f}, {100 * high:.0f}] {won:g}/{trials}"), tone=tone)
+
+
+def different(pairs: Mapping[str, Sequence[Pair]]) -> dict[str, int]:
+    """Tasks in which the second arm differs significantly, and whether it gained (1) or lost (-1)."""
+    adjusted = holm({task: exact_mcnemar(made) for task, made in pairs.items()})
+    sure = [task for task, p in adjusted.items() if p < SURE]
+    return {task: 1 if (wl := won_and_lost(pairs[task]))[0] > wl[1] else -1 for task in sure}
+
+
+def effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
+    """How much the second arm adds to the success rate, with its interval and tests."""
+    if not by_task:
+        return NONE
+    change = pooled_difference(by_task)
+    everything = [pair for pairs in by_task.values() for pair in pairs]
+    (won, lost), p = won_and_lost(everything), exact_mcnemar(everything)
+    least = detectable_difference(everything)
+    sure = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in different(by_task).items())
+    unsure = change.low <= 0 <= change.high or p >= SURE
+    tone: Tone = "" if unsure else "better" if change.value > 0 else "worse"
+    lines = [
+        f"{change.value:+.1f} points",
+        f"[{change.low:+.1f}, {change.high:+.1f}]",
+        f"{won} : {lost} of {len(everything)}, p {p:.3g}",
+        f"could show {least:.0f} points" if least < math.inf else "too few pairs to show any",
+        *([sure or "no task by itself"] if len(by_task) > 1 else []),
+    ]
+    return SheetCell(tuple(lines), tone=tone)

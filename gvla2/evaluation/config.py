@@ -17,6 +17,10 @@ LEARNABLE = "learnable"
 """The ``world`` in which objects behave in ways that memory can learn."""
 
 
+STRESSES = ("verifier", "drift", "import", "crowd", "twins")
+"""What makes a world hard for a memory (:mod:`gvla2.evaluation.suites.robot_stress`)."""
+
+
 def _require(*conditions: tuple[bool, str]) -> None:
     """Raises :class:`ConfigurationError` with the message of the first condition that does not hold."""
     for holds, message in conditions:
@@ -154,7 +158,9 @@ class RobotBench(MemoryArms, BranchBench):
     go by their names (``task_options.open_jar.turn=175``), ``scale`` is the objects' size. ``arms`` are by default
     ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of every task belong to
     ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a different world.
-    Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves.
+    There the arms are measured under each of ``stresses``: "none", "verifier", "drift", "import", "crowd", "twins",
+    some of them joined by "+", or "all". Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the
+    layouts themselves.
 
     Experience comes from ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
     spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
@@ -162,7 +168,7 @@ class RobotBench(MemoryArms, BranchBench):
     ``replan`` further attempts are allowed; where the planner fails, ``fallback`` plans, if there is one. With
     ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
     model was unavailable: it counts for no arm, and the next bench measures it again. The reconstruction branch runs
-    where a ``reconstructor`` is chosen.
+    where a ``reconstructor`` is chosen. A ``policy`` stands beside planners in the tables; its arm is ``off``.
 
     ``films`` are kept of "none" of the test's episodes, of "failures", or of "all": each is the folder of a run. Tasks
     named SUITE/NUMBER are also counted by suite and by ``groups`` of suites, beside ``published`` results: by system,
@@ -180,6 +186,7 @@ class RobotBench(MemoryArms, BranchBench):
     perceiver: ComponentConfig = field(default_factory=ComponentConfig)
     world: str = "plain"
     families: int = 2
+    stresses: list[str] = field(default_factory=list)
     layouts: list[int] = field(default_factory=list)
     exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
     exploration: float = 0.25
@@ -192,15 +199,20 @@ class RobotBench(MemoryArms, BranchBench):
     published: dict[str, Any] = field(default_factory=dict)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     fallback: ComponentConfig = field(default_factory=ComponentConfig)
+    policy: ComponentConfig = field(default_factory=ComponentConfig)
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        named = [one for stress in self.stresses for one in stress.split("+")]
+        unknown = [one for one in named if one not in (*STRESSES, "none", "all")]
         below = [name for name in ("second_tries", "replan", "exploration_replan") if getattr(self, name) < 0]
         _require(
             (self.world in ("plain", LEARNABLE), f"world is '{self.world}'; it is plain or {LEARNABLE}."),
             (self.films in ("none", "failures", "all"), f"films is '{self.films}'; it is none, failures or all."),
             (not below, f"{', '.join(below)} must not be negative."),
+            (not unknown, f"stresses has {', '.join(unknown)}; there are none, {', '.join(STRESSES)} and all."),
+            (not self.stresses or self.world == LEARNABLE, f"stresses need world={LEARNABLE}."),
             (min(self.layouts, default=0) >= 0, "layouts must not be negative."),
             (min(self.episodes, self.families) >= 1, "episodes and families are 1 or more."),
             (0.25 <= self.scale <= 4, "scale lies in [0.25, 4]."),

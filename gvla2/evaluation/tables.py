@@ -47,6 +47,7 @@ class Film:
     caption: str
     file: str
     page: str
+    failed: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,11 +71,11 @@ class Sheet:
         return f"{self.counts}; runs {', '.join(map(str, self.runs))} of the results database."
 
 
-def film(caption: str, folder: str) -> Film:
+def film(caption: str, folder: str, *, failed: bool = False) -> Film:
     """The film of an episode or job by its folder."""
     stills = (Path(folder) / name for name in ("episode.mp4", "before.png"))
     shown = next((path.as_uri() for path in stills if path.is_file()), "")
-    return Film(caption, shown, (Path(folder) / "index.html").as_uri())
+    return Film(caption, shown, (Path(folder).absolute() / "index.html").as_uri(), failed)
 
 
 def runs_of(cells: Iterable[Cell]) -> tuple[int, ...]:
@@ -99,16 +100,19 @@ def to_markdown(sheets: Sequence[Sheet]) -> str:
 
 
 def to_latex(sheets: Sequence[Sheet]) -> str:
-    """Tables for a LaTeX document that loads ``booktabs``."""
+    """Short tables for a LaTeX document that loads ``booktabs``.
+
+    A cell keeps its first line, and its second one small; what the numbers mean is a comment above each table.
+    """
     blocks = []
     for sheet in sheets:
-        head, *lines = _lines(sheet, lambda cell: r"\shortstack{" + r" \\ ".join(cell) + "}", " & ", _tex)
-        caption = _tex(f"{sheet.title}. {sheet.footnote} {sheet.explanation}")
+        head, *lines = _lines(sheet, _small, " & ", _tex)
         columns = f"l{'c' * len(sheet.headings)}"
         blocks.append(
             "\n".join(
                 [
-                    rf"\begin{{table}}[t]\centering\caption{{{caption}}}",
+                    f"% {sheet.footnote} {sheet.explanation}",
+                    rf"\begin{{table}}[t]\centering\caption{{{_tex(sheet.title)}}}",
                     rf"\begin{{tabular}}{{{columns}}}\toprule",
                     rf"{head} \\ \midrule",
                     *(rf"{line} \\" for line in lines),
@@ -117,6 +121,11 @@ def to_latex(sheets: Sequence[Sheet]) -> str:
             )
         )
     return "\n\n".join(blocks) + "\n"
+
+
+def _small(lines: Sequence[str]) -> str:
+    """A cell of a LaTeX table."""
+    return " ".join([*lines[:1], *(rf"{{\scriptsize {line}}}" for line in lines[1:2])])
 
 
 def _lines(
@@ -153,9 +162,15 @@ def _tex(text: str) -> str:
 
 
 def to_csv(cells: Sequence[Cell]) -> str:
-    """One line for each cell: its factors, its measures, its status, and its run's folder where it has one."""
+    """One line for each cell: factors, measures, kind of failure and verdict, status, and its run's folder."""
     rows = [
-        {**cell.factors, **cell.measures, "status": cell.status, "folder": cell.notes.get("folder", "")}
+        {
+            **cell.factors,
+            **cell.measures,
+            **{name: cell.notes[name] for name in ("failure", "verdict") if name in cell.notes},
+            "status": cell.status,
+            "folder": cell.notes.get("folder", ""),
+        }
         for cell in cells
     ]
     rows = [{_text_in_csv(name): _text_in_csv(value) for name, value in row.items()} for row in rows]

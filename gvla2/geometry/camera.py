@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, rigid, transform_points
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,16 @@ class Camera:
         focal = 0.5 * height / np.tan(0.5 * fov_y)
         K = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
         return cls(K, world_from_camera, width, height, name)
+
+    @classmethod
+    def from_opengl(
+        cls, fov_y: float, world_from_camera: FloatArray, width: int, height: int, name: str = "camera"
+    ) -> Camera:
+        """As :meth:`from_fov`, with the pose as OpenGL and simulators that draw by it have it: x right, y up, looking
+        along -z; in single precision, too.
+        """
+        u, _, v = np.linalg.svd(world_from_camera[:3, :3] @ np.diag([1.0, -1.0, -1.0]))
+        return cls.from_fov(fov_y, rigid(u @ v, world_from_camera[:3, 3]), width, height, name)
 
     @property
     def camera_from_world(self) -> FloatArray:

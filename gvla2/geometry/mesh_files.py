@@ -15,7 +15,7 @@ import os
 import re
 import struct
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import unquote
@@ -128,6 +128,10 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
         content = _plain_obj(content, resolver)
     elif suffix == ".ply":
         content = _plain_ply(content)
+    elif suffix == ".stl":
+        content = _plain_stl(content)
+    elif suffix == ".off":
+        return _read_off(_decoded(content)).scene(), from_file, moves
     kind = suffix.removeprefix(".")
     scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
     return scene, from_file, moves
@@ -205,6 +209,51 @@ def _plain_ply(content: bytes) -> bytes:
     return header + end + body
 
 
+def _plain_stl(content: bytes) -> bytes:
+    """A binary STL file without what follows its triangles, for which trimesh would take it for text."""
+    size = 84 + 50 * struct.unpack_from("<I", content, 80)[0] if len(content) >= 84 else 0
+    return content[:size] if 84 < size < len(content) and b"facet" not in content[:1000] else content
+
+
+def _read_off(text: str) -> trimesh.Trimesh:
+    """An OFF file with the colours of its vertices (COFF) or faces, which trimesh leaves out.
+
+    A vertex has its position, then its normal (NOFF), then its colour; a face its corners, then its colour.
+    """
+    header = re.match(r"\s*(C?)(N?)OFF(?!\s*BINARY)", text)
+    if header is None:
+        raise GeometryError("it begins with neither OFF, COFF, NOFF nor CNOFF and text; export it so.")
+    lines = (re.sub(r"#.*", "", line).split() for line in text[header.end() :].splitlines())
+    counts, *rows = (line for line in lines if line)
+    vertices, polygons = rows[: int(counts[0])], rows[int(counts[0]) : int(counts[0]) + int(counts[1])]
+    corners = [row[1 : 1 + int(row[0])] for row in polygons]
+    if any(
+        len(polygon) != int(row[0]) or len(polygon) < 3
+        for polygon, row in zip(corners, polygons, strict=True)
+    ):
+        raise GeometryError("a face has fewer than three corners, or fewer than it says.")
+    fans = [[polygon[0], *polygon[k : k + 2]] for polygon in corners for k in range(1, len(polygon) - 1)]
+    own = [row[1 + int(row[0]) :] for row in polygons for _ in range(int(row[0]) - 2)]
+    begin = 6 if header[2] else 3
+    painted = [row[begin:] for row in vertices] if header[1] else []
+    mesh = trimesh.Trimesh(
+        np.array([row[:3] for row in vertices], np.float64), np.array(fans, np.int64), process=False
+    )
+    if painted:
+        mesh.visual.vertex_colors = _off_colours(painted)
+    elif own and all(len(colour) >= 3 for colour in own):
+        mesh.visual.face_colors = _off_colours(own)
+    return mesh
+
+
+def _off_colours(words: Sequence[Sequence[str]]) -> NDArray[np.uint8]:
+    """(N, 3) from numbers up to 255, or from shares, which have a point."""
+    colours = np.array([row[:3] for row in words], np.float64)
+    return np.rint(np.clip(colours * (255 if "." in "".join(map("".join, words)) else 1), 0, 255)).astype(
+        np.uint8
+    )
+
+
 def _decoded(content: bytes) -> str:
     try:
         return content.decode()
@@ -244,6 +293,10 @@ def _drop_dangling(root: ET.Element) -> None:
                 if source is not None and source.strip() not in named:
                     parent.remove(child)
                     named.discard(str(child.get("sid")))
+        for shader in effect.iterfind(".//{*}technique/*"):
+            glow = shader.find("{*}emission")
+            if glow is not None and shader.find("{*}diffuse") is None:  # unlit: what it emits is its colour
+                glow.tag = glow.tag.replace("emission", "diffuse")
         for parent in list(effect.iter()):
             for child in parent.findall("{*}texture"):
                 if child.get("texture") not in named:

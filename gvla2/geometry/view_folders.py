@@ -28,6 +28,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
 from gvla2.io.files import write_bytes
+from gvla2.io.foreign import read_array, read_picture
 
 VIEWS, CAMERAS = "views", "cameras.json"
 """A run's folder of views, and the file with the cameras of a folder."""
@@ -184,6 +185,9 @@ def _document(cameras: Path) -> Mapping[str, Any]:
 
 def _plain_readers(cameras: Path) -> Readers:
     document = _document(cameras)
+    names = [entry.get("name") for entry in document["views"]]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise GeometryError(f"Cannot read the cameras from {cameras}: two views are called '{twice[0]}'.")
     shared = {k: document[k] for k in ("K", "convention") if k in document}
     return {
         n: partial(_plain_view, cameras, {**shared, **entry}) for n, entry in enumerate(document["views"])
@@ -191,7 +195,7 @@ def _plain_readers(cameras: Path) -> Readers:
 
 
 def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
-    name, folder = str(entry.get("name", "")), cameras.parent
+    folder, name = cameras.parent, re.sub(r"(?i)(?<=.)\.(png|jpe?g)$", "", str(entry.get("name", "")))
 
     def first(of: str, suffixes: tuple[str, ...]) -> Path | None:
         named = (folder / of / f"{name}{end}" for suffix in suffixes for end in (suffix, suffix.upper()))
@@ -203,11 +207,11 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
         if not name or (picture := first("images", _PICTURES)) is None:
             raise GeometryError(f"there is no {folder / 'images' / name}.png.")
         image, mask = _read_picture(picture)
-        if (mask_file := first("masks", _PICTURES)) is not None:
+        if (mask_file := first("masks", (*_PICTURES, f"{picture.suffix}.png"))) is not None:  # COLMAP's masks
             mask = _read_mask(mask_file)
         depth = None
         if (depth_file := first("depth", (".npy",))) is not None:
-            depth = np.asarray(_load(depth_file), dtype=np.float32)
+            depth = read_array(depth_file, "the depth").astype(np.float32)
             depth = depth[..., 0] if depth.ndim == 3 and depth.shape[2] == 1 else depth
             depth = np.where((depth > 0) & (depth < np.inf), depth, np.float32(np.nan))
         own = first("robot", _PICTURES)
@@ -237,6 +241,16 @@ def _check_size(camera: Camera) -> None:
     """Raise :class:`GeometryError` for a K that belongs to a picture of another size, as its principal point shows."""
     x, y = camera.K[:2, 2]
     ratio = 2.0 * x / camera.width, 2.0 * y / camera.height
+    if min(x, y) > 0 and max(x, y) <= 1:
+        raise GeometryError(
+            f"the principal point ({x:g}, {y:g}) of K is in shares of the picture; K is in pixels."
+        )
+    turned = 2.0 * x / camera.height, 2.0 * y / camera.width
+    if min(turned) > 0 and max(np.abs(np.log(turned))) < 0.05 and max(np.abs(np.log(ratio))) > np.log(SCALED):
+        raise GeometryError(
+            f"the principal point ({x:g}, {y:g}) of K is the middle of the picture when it is turned by 90 degrees. "
+            "The file stores it unturned, perhaps with an EXIF orientation: turn its pixels, or K."
+        )
     if min(ratio) > 0 and abs(np.log(ratio[0])) > np.log(SCALED) and abs(ratio[0] / ratio[1] - 1) < 0.05:
         raise GeometryError(
             f"the principal point ({x:g}, {y:g}) of K is the middle of {2 * x:.0f}x{2 * y:.0f} pixels, and "
@@ -257,13 +271,13 @@ def _gso_view(matrix: Path) -> View:
     height, width = image.shape[:2]
     K = [[FOCAL * width, 0.0, width / 2], [0.0, FOCAL * width, height / 2], [0.0, 0.0, 1.0]]
     with reading("a camera", matrix):
-        entry = {"K": K, "T": _load(matrix), "convention": "opengl"}
+        entry = {"K": K, "T": read_array(matrix, "the camera"), "convention": "opengl"}
         return View(_camera(entry, image, matrix.stem), image, mask=alpha)
 
 
 def _read_picture(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None]:
     """Colour (H, W, 3) uint8 laid on white, and alpha (H, W) in [0, 1], None for an opaque file."""
-    picture = _open(path)
+    picture = read_picture(path)
     alpha = _alpha(picture)
     if picture.mode.startswith("I"):  # 16 bits, which Pillow would clip
         grey = np.clip(np.asarray(picture, dtype=np.float64) / 257, 0, 255).astype(np.uint8)
@@ -280,7 +294,7 @@ def _read_mask(path: Path) -> NDArray[np.float32]:
 
     Two values are background and object, whatever they are. Raises :class:`GeometryError` for several labels.
     """
-    picture = _open(path)
+    picture = read_picture(path)
     alpha = _alpha(picture)
     if alpha is not None:
         return alpha
@@ -306,18 +320,6 @@ def _alpha(picture: Image.Image) -> NDArray[np.float32] | None:
         return None
     alpha = np.asarray(picture.convert("RGBA").getchannel("A"), dtype=np.float32) / np.float32(255)
     return alpha if alpha.min() < 1 else None
-
-
-def _open(path: Path) -> Image.Image:
-    with reading("the image", path), Image.open(path) as picture:
-        picture.load()
-        return picture
-
-
-def _load(path: Path) -> NDArray[Any]:
-    """The array of a .npy file."""
-    with reading("the array", path):
-        return np.asarray(np.load(io.BytesIO(path.read_bytes()), allow_pickle=False))
 
 
 def _png(array: NDArray[np.uint8]) -> bytes:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.errors import ConfigurationError, MissingDependencyError, reading
 from gvla2.memory.contracts import Embedder
 
 if TYPE_CHECKING:
@@ -94,18 +94,14 @@ def package_folder(package: str, what: str, needed_by: str, install: str, licenc
 @lru_cache(maxsize=2)
 def _loaded(folder: Path) -> tuple[NDArray[np.float16], Tokenizer, str]:
     """The (T, 256) table, its tokenizer and the model's name; several banks of a process share them."""
-    from safetensors import SafetensorError, safe_open
+    from safetensors import safe_open
     from tokenizers import Tokenizer
 
-    try:
+    remedy = f"Reinstall the package: pip install --force-reinstall {PACKAGE}."
+    with reading("the static embedder", folder, ConfigurationError, remedy):
         with safe_open(folder / TABLE, "numpy") as file:
             table = file.get_tensor("embedding.weight")
         tokenizer = Tokenizer.from_str((folder / TOKENIZER).read_text(encoding="utf-8"))
-    except (OSError, SafetensorError) as error:
-        raise ConfigurationError(
-            f"The static embedder cannot read its table in '{folder}' ({error}): reinstall the package: pip install "
-            f"--force-reinstall {PACKAGE}."
-        ) from error
     tokenizer.no_padding()
     tokenizer.no_truncation()
     return table, tokenizer, f"wordllama-l2-{table.shape[1]}-{zlib.crc32(table):08x}-v2"

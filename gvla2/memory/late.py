@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from gvla2.errors import Gvla2Error
-from gvla2.memory.contracts import Learned, Memory, MemoryContext, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.contracts import Learned, Lesson, Memory, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 
 
 @dataclass(kw_only=True)
@@ -50,6 +50,17 @@ class LateMemory:
         """Store what the episode teaches, all of it or nothing; says why when the store cannot be used."""
         try:
             return self._opened().learn(episode, verdict)
+        except Gvla2Error as error:
+            return Learned(degraded=str(error))
+
+    def admit(self, lesson: Lesson, verdict: Verdict, *, task: MemoryTask, source: str) -> Learned:
+        """A lesson from outside: admitted as such by a memory that can, an episode for any other."""
+        try:
+            memory = self._opened()
+            admit: Callable[..., Learned] | None = getattr(memory, "admit", None)
+            if admit is not None:
+                return admit(lesson, verdict, task=task, source=source)
+            return memory.learn(MemoryEpisode(task, (lesson,), source=source), verdict)
         except Gvla2Error as error:
             return Learned(degraded=str(error))
 

@@ -64,6 +64,9 @@ LAYER = 0.015
 """Steps of height in which what stands on something else is looked for, metres."""
 RARE, LEAST_THERE = 0.001, 0.5
 """Share of a scene's points from which it has a colour, and how much of such a scan must be of colours that it has."""
+UPRIGHT, TIPPED = np.array([0.0, 0.0, 1.0]), 1.2
+"""A scan's own vertical, and the lean from it, radians, up to which what is open at the top should stand upright,
+even if it would rest on its side as well."""
 MORE = 4.0
 """Log-odds for each e-fold more of the seen surface that one explains."""
 LEAST_SHOWN, MOSTLY = 250, 0.7
@@ -267,4 +270,7 @@ def likelihood(fit: Fit) -> float:
 def known_shape(fit: Fit) -> KnownShape:
     """The scan at its pose, in its file's frame and units."""
     pose = fit.world_from_scan @ rigid(None, -fit.scan.middle)
-    return KnownShape(fit.scan.name, fit.scan.path, pose, fit.scan.scale, round(fit.residual, 5))
+    ups = fit.scan.rests[:, 2]
+    vessel = opening_of(fit.scan.points) > 0.0 and pose[2, 2] > np.cos(TIPPED)
+    up = UPRIGHT if vessel else ups[int(np.argmax(ups @ pose[2, :3]))]
+    return KnownShape(fit.scan.name, fit.scan.path, pose, fit.scan.scale, round(fit.residual, 5), up)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import re
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -16,7 +18,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.errors import ConfigurationError, GeometryError, reading
 from gvla2.geometry.articulated_files import read_articulated
 from gvla2.geometry.mesh_files import READABLE, read_textured_mesh
 from gvla2.geometry.transform import FloatArray
@@ -33,6 +35,8 @@ LARGEST = 3.0
 """A scan with a longest side above this is in millimetres: nothing on a table is 3 m long."""
 MOST_RESTS, LIKELY = 14, 0.99
 """Most resting poses tried, and the share of the total probability that they cover."""
+FLAT = 1e-6
+"""Thickness over length of a scan below which it has no hull."""
 TRUNCATED = 0.02
 """Metres at which a point's distance from a scan is truncated."""
 TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
@@ -44,6 +48,8 @@ _MODELS = ("mobility", "robot", "urdf")
 """Stems of URDFs that do not name an object either."""
 _FOR_PHYSICS = ("collision", "convex", "coacd", "decomp")
 """Words in the names of files made for physics engines, which are left out."""
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -132,7 +138,7 @@ def scan_files(folder: str | os.PathLike[str], *, joints: bool = False) -> dict[
         raise ConfigurationError(f"{root}: there is no such folder of scans.")
     every = visible_files(root)
     models = [p for p in every if p.suffix.lower() == ".urdf"]
-    within = {mesh for model in models for mesh in read_articulated(model).files}
+    within = {mesh for model in models for mesh in _meshes_of(model)}
     meshes = [p for p in every if p.suffix.lower() in READABLE]
     order = {suffix: place for place, suffix in enumerate(READABLE)}
     meshes.sort(key=lambda p: order[p.suffix.lower()], reverse=True)
@@ -158,6 +164,14 @@ def scan_files(folder: str | os.PathLike[str], *, joints: bool = False) -> dict[
                 f"{root} holds two scans called '{name}': {found[name]} and {file}. Rename one."
             )
     return dict(sorted(found.items()))
+
+
+def _meshes_of(model: Path) -> Collection[Path]:
+    """The meshes that a URDF refers to; none for a broken one, whose fault :func:`read_scans` reports."""
+    try:
+        return read_articulated(model).files
+    except GeometryError:
+        return ()
 
 
 def _rank(file: Path) -> int:
@@ -198,14 +212,25 @@ def entry_file(folder: str | os.PathLike[str], name: str, *, replace: bool = Fal
 def read_scans(folder: str | os.PathLike[str]) -> list[KnownScan]:
     """All scans of a folder; prepared scans are cached by the files' contents.
 
-    Raises :class:`ConfigurationError` as :func:`scan_files`, and :class:`GeometryError` for a broken mesh.
+    One that cannot be read is left out with a warning. Raises :class:`ConfigurationError` as :func:`scan_files`, and
+    for a folder whose scans are all broken.
     """
-    return [read_scan(name, path) for name, path in scan_files(folder, joints=True).items()]
+    scans, broken = [], []
+    for name, path in scan_files(folder, joints=True).items():
+        try:
+            scans.append(read_scan(name, path))
+        except GeometryError as error:
+            broken.append(str(error))
+            log.warning("'%s' is left out of the known objects: %s", name, error)
+    if not scans:
+        raise ConfigurationError(f"No scan below {folder} can be read. {broken[0]}")
+    return scans
 
 
 def read_scan(name: str, path: Path) -> KnownScan:
-    """One scan, prepared or from the cache."""
-    arrays = cached_arrays(cache_folder() / "scans", _content(path), partial(_prepared, path))
+    """One scan, prepared or from the cache; raises :class:`GeometryError` for one that cannot be read."""
+    with reading("a scan", path):
+        arrays = cached_arrays(cache_folder() / "scans", _content(path), partial(_prepared, path))
     points, corners = arrays["points"], corners_of(arrays["points"])
     links: tuple[KnownLink, ...] = ()
     if path.suffix.lower() == ".urdf":
@@ -274,8 +299,11 @@ def resting_turns(points: FloatArray) -> FloatArray:
     them.
 
     Their quasi-static probabilities of the faces of the convex hull, with the middle of the box as the centre of mass.
-    Scans are not closed, so their volume gives no better one.
+    Scans are not closed, so their volume gives no better one. A sheet without thickness lies as its file has it.
     """
+    across = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if across[2] < FLAT * across[0]:
+        return np.eye(3)[None]
     hull = trimesh.convex.convex_hull(points)
     turns, chances = trimesh.poses.compute_stable_poses(hull, center_mass=hull.center_mass, n_samples=1)
     kept: list[FloatArray] = [np.eye(3)]
@@ -300,8 +328,6 @@ def _content(path: Path) -> str:
     looks = (".mtl", ".png", ".jpg", ".jpeg")
     beside = sorted(p for folder in folders for p in folder.iterdir() if p.suffix.lower() in looks)
     for file in dict.fromkeys((path, *meshes, *beside)):
-        try:
+        with reading("a scan", file):
             digest.update(file.read_bytes())
-        except OSError as error:
-            raise GeometryError(f"Cannot read {file}: {error}") from error
     return digest.hexdigest()

@@ -14,7 +14,10 @@ import numpy as np
 from gvla2.planning.scene import SIDES, TOUCHING, Scene, SceneObject
 
 CLOSE, BESIDE = 0.012, 0.25
-"""Heights that differ less may touch; objects next to one another are no further apart, centre to centre; metres."""
+"""Heights that differ less may touch; objects next to one another are no further apart, edge to edge; metres."""
+ASLANT = 0.2
+"""A known object that leans by more does not stand by itself, radians; one that is seen from one side may seem to lean
+by less."""
 ASKEW = 0.35
 """What stands on the edge of something has its middle no further beyond it than this share of its own width."""
 SQUARE = 0.5
@@ -22,8 +25,9 @@ SQUARE = 0.5
 ASTRIDE, MIDWAY = 0.4, 0.15
 """What is between two others is less off their line than this share of its length; of several, those count that are
 not further off than the nearest one by the second share."""
-SIZE_SLACK, PLACE_SLACK = 0.05, 0.015
-"""Differences of size (share) and place (metres) below perception's accuracy do not decide."""
+SIZE_SLACK, PLACE_SLACK, KNOWN_SLACK = 0.05, 0.015, 0.005
+"""Differences of size (share) and place (metres) below perception's accuracy do not decide; recognised objects are
+placed more accurately."""
 
 Extreme = Literal[
     "left", "right", "front", "back", "near", "far", "table", "middle",
@@ -51,7 +55,7 @@ def holds(obj: SceneObject, relation: str, mark: SceneObject, scene: Scene) -> b
             on = mark.joint is None and holds(obj, "on", mark, scene)  # what is above a drawer is not on it
             return touches or on or holds(obj, "in", mark, scene)
         case "beside":
-            return _gap(obj, mark) < BESIDE + 0.5 * float(mark.extents[:2].max())
+            return _apart(obj, mark) < BESIDE
         case "left_of" | "right_of" | "front_of" | "behind":
             return float((obj.centre - mark.centre) @ scene.side(relation)) > CLOSE
     return True
@@ -72,14 +76,17 @@ def holds_any(obj: SceneObject, relation: str, marks: Sequence[SceneObject], sce
 def related(
     objects: Sequence[SceneObject], relation: str, marks: Sequence[SceneObject], scene: Scene
 ) -> list[SceneObject]:
-    """Those in the relation to any of the marks: beside it the nearest, and to a side those that are squarely there,
-    if any are.
+    """Those in the relation to any of the marks: beside it the nearest, to a side those that are squarely there, if any
+    are, and on what nothing stands on what leans on it.
     """
     there = [o for o in objects if holds_any(o, relation, marks, scene)]
+    if relation == "on" and not there:
+        return [o for o in objects if any(_leans(o, mark) for mark in marks)]
     if relation == "beside" and there:
         there = [o for o in there if not holds_any(o, "on", marks, scene)] or there
-        gaps = [min(_gap(o, mark) for mark in marks) for o in there]
-        return [o for o, gap in zip(there, gaps, strict=True) if gap <= min(gaps) + PLACE_SLACK]
+        gaps = [min(_apart(o, mark) for mark in marks) for o in there]
+        slack = KNOWN_SLACK if all(o.known for o in (*there, *marks)) else PLACE_SLACK
+        return [o for o, gap in zip(there, gaps, strict=True) if gap <= min(gaps) + slack]
     if relation in SIDES:
         way = scene.side(relation)
         return [
@@ -131,6 +138,16 @@ def extreme(objects: Sequence[SceneObject], by: Extreme, scene: Scene) -> list[S
 
 def _gap(one: SceneObject, other: SceneObject) -> float:
     return float(np.linalg.norm((one.centre - other.centre)[:2]))
+
+
+def _apart(one: SceneObject, other: SceneObject) -> float:
+    """The level distance between the outlines of two objects, metres; 0 where they overlap."""
+    pairs = ((one, other), (other, one))
+    return min(float(b.distances(a.outline() * [1, 1, 0] + [0, 0, b.centre[2]]).min()) for a, b in pairs)
+
+
+def _leans(obj: SceneObject, mark: SceneObject) -> bool:
+    return bool(np.linalg.norm(obj.righting) > ASLANT and _apart(obj, mark) < TOUCHING)
 
 
 def _over(one: SceneObject, other: SceneObject) -> bool:

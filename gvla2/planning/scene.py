@@ -58,7 +58,8 @@ class KnownShape:
 
     ``path`` is the scan's file (.obj, .glb, .ply); ``scale`` takes its units to metres, and ``world_from_scan``
     (4, 4), rigid, takes the scaled vertices to the world. ``residual`` is the median distance of the seen points
-    from the placed surface, metres.
+    from the placed surface, metres. ``up`` (3,), in the scan's frame, is vertical in the resting pose in which it
+    should stand, the upright or the nearest one; None where its resting poses are unknown.
     """
 
     name: str
@@ -66,6 +67,7 @@ class KnownShape:
     world_from_scan: FloatArray = field(repr=False)
     scale: float = 1.0
     residual: float = 0.0
+    up: FloatArray | None = field(default=None, repr=False)
 
     def mesh(self) -> TriangleMesh:
         """The whole scan in the world frame, including unseen parts; raises :class:`GeometryError`."""
@@ -142,6 +144,18 @@ class SceneObject:
     def bottom(self) -> float:
         """Height of the lowest corner of the oriented box, world z in metres."""
         return float(self.corners()[:, 2].min())
+
+    @property
+    def righting(self) -> FloatArray:
+        """(3,) rotation vector, world, radians, that turns a known object to how it should stand on a level surface;
+        0 if it stands so or if its resting poses are unknown.
+        """
+        if self.known is None or self.known.up is None:
+            return np.zeros(3)
+        up = self.known.world_from_scan[:3, :3] @ self.known.up
+        axis = np.cross(up, [0.0, 0.0, 1.0])
+        sine = float(np.linalg.norm(axis))
+        return np.asarray(axis / max(sine, 1e-9) * np.arctan2(sine, up[2]))
 
     def corners(self) -> FloatArray:
         """(8, 3) corners of the oriented box in the world, metres."""

@@ -199,7 +199,8 @@ class _Branch:
         if not now < was - MAX_MASK_LOSS:
             return out, None
         reason = (
-            f"The masks speak against the refinement: IoU {now:.4f}, {was:.4f} as it was. G0 is the output."
+            f"The masks speak against the refinement: IoU {now:.4f}, {was:.4f} as it was. The first "
+            "reconstruction is the output."
         )
         return g0, StageReport("output", "fallback", reason, {"mask_iou": now}, {"mask_iou": was})
 
@@ -266,7 +267,7 @@ def fuse_prior(
         if not (posterior.field.values > 0).any():
             raise GeometryError("The prior leaves nothing of the object.")
     except GeometryError as error:
-        return obj, StageReport("prior", "rejected", f"{error} G0 stays.")
+        return obj, StageReport("prior", "rejected", f"{error} The first reconstruction stays.")
     # Depth maps that err leave specks between them.
     field = without_specks(posterior.field, seen.silhouettes)
     mesh, step = surface_of(field), 2 * field.step

@@ -1,19 +1,21 @@
-"""Data sets for training in LeRobot's layout v3.0: Parquet, one mp4 per episode, and their metadata.
+"""Data sets for training in LeRobot's layout v3.0: Parquet, an mp4 per episode and camera, and their metadata.
 
     meta/info.json, stats.json, tasks.parquet, episodes/chunk-000/file-000.parquet
     data/chunk-000/file-000.parquet
-    videos/observation.images.main/chunk-000/file-NNN.mp4
+    videos/observation.images.CAMERA/chunk-000/file-NNN.mp4
 
-State and action are the arm's joints in radians and the fingers' opening in metres: the state as measured at a frame,
-the action the state at the next one (the last repeats its own), as for arms that are sent absolute joint targets.
+State and action are the arm's joints in radians and the width between the fingers in metres: the state as measured at
+a frame, the action what the robot is driven to at the next one (the last repeats its own), which an environment with
+``control="joint_position"`` takes unchanged. Of a robot that does not know what it is driven to, it is the next state.
 """
 
 from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,56 +25,76 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from gvla2.errors import Gvla2Error, reading
+from gvla2.errors import Gvla2Error, OutputError, reading
 from gvla2.io.files import make_folder, write_json
+from gvla2.record.motion import Film, check_whole, opened
 from gvla2.record.page import render
 
-VIDEO = "observation.images.main"
+PICTURES = "observation.images."
+"""Before a camera's name."""
+QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
+EVERY = 4
+"""Of a film's pixels, one in so many rows and columns counts for the statistics."""
 _CHUNK = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 _FILES_A_CHUNK = 1000
 
 
 @dataclass(frozen=True)
 class VideoFile:
-    """A film's file, its number of ``frames``, their ``size`` (H, W), and their colours' statistics.
-
-    ``low`` and ``high`` (3,) are the least and the greatest, ``total`` and ``squares`` (3,) the sums of ``pixels``
-    colours in [0, 1] and of their squares.
+    """A film's file, its number of ``frames``, their ``size`` (H, W), and how often each colour occurs in the picture
+    of each of its ``cameras``, which are side by side: ``colours`` (cameras, 3, 256).
     """
 
     path: Path
+    cameras: tuple[str, ...]
     frames: int
     size: tuple[int, int]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    total: NDArray[np.float64]
-    squares: NDArray[np.float64]
-    pixels: int
+    colours: NDArray[np.int64]
 
     @classmethod
-    def read(cls, path: Path) -> VideoFile:
+    def read(cls, path: Path, cameras: Sequence[str]) -> VideoFile:
         """Read a film one frame at a time; raises :class:`Gvla2Error` for a file that is none."""
         with reading("a film", path, Gvla2Error):
-            reader: Any = imageio_ffmpeg.read_frames(str(path))
-            width, height = next(reader)["size"]
-            frames = pixels = 0
-            low, high, total, squares = np.ones(3), np.zeros(3), np.zeros(3), np.zeros(3)
-            for frame in reader:
-                rgb = (
-                    np.frombuffer(frame, np.uint8).reshape(height, width, 3)[::4, ::4].reshape(-1, 3) / 255.0
-                )
-                low, high = np.minimum(low, rgb.min(0)), np.maximum(high, rgb.max(0))
-                total, squares = total + rgb.sum(0), squares + (rgb**2).sum(0)
-                frames, pixels = frames + 1, pixels + len(rgb)
+            frames, size = 0, (0, 0)
+            colours = np.zeros((len(cameras), 3, 256), np.int64)
+            for frame in _frames(path):
+                for k, picture in enumerate(np.split(frame, len(cameras), axis=1)):
+                    pixels = picture[::EVERY, ::EVERY].reshape(-1, 3)
+                    colours[k] += [np.bincount(channel, minlength=256) for channel in pixels.T]
+                frames, size = frames + 1, frame.shape[:2]
             if not frames:
                 raise Gvla2Error("it has no frames.")
-        return cls(path, frames, (height, width), low, high, total, squares, pixels)
+        return cls(path, tuple(cameras), frames, (size[0], size[1] // len(cameras)), colours)
+
+    def write(self, places: Sequence[Path], fps: float) -> None:
+        """Write the film of each camera."""
+        if len(places) == 1:
+            shutil.copyfile(self.path, places[0])
+            return
+        films: list[Film] = []
+        for frame in _frames(self.path):
+            pictures = [np.ascontiguousarray(one) for one in np.split(frame, len(places), axis=1)]
+            films = films or [opened(*one, fps) for one in zip(places, pictures, strict=True)]
+            for film, picture in zip(films, pictures, strict=True):
+                film.send(picture.tobytes())
+        for film, place in zip(films, places, strict=True):
+            film.close()
+            check_whole(place)
+
+
+def _frames(path: Path) -> Iterator[NDArray[np.uint8]]:
+    """The pictures (H, W, 3) of a film, one at a time."""
+    reader: Any = imageio_ffmpeg.read_frames(str(path))
+    width, height = next(reader)["size"]
+    for frame in reader:
+        yield np.frombuffer(frame, np.uint8).reshape(height, width, 3)
 
 
 @dataclass(frozen=True)
 class Demonstration:
     """One episode: ``states`` (T, dof + 1) joints and opening, its ``film`` of T frames at ``fps``, its sentence; the
-    ``robot`` by name, and ``source``, what else distinguishes arms and cameras.
+    ``robot`` by name, and ``source``, what else distinguishes arms and cameras; ``commands`` (T, dof + 1) what the
+    robot was driven to, if that is known; ``labels`` are columns of the episode's row: seed, run, success and failure.
 
     Raises :class:`Gvla2Error` for a film with another number of frames.
     """
@@ -83,6 +105,8 @@ class Demonstration:
     task: str
     robot: str
     source: str = ""
+    commands: NDArray[np.float32] | None = None
+    labels: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.film.frames != len(self.states):
@@ -90,22 +114,23 @@ class Demonstration:
 
     @property
     def actions(self) -> NDArray[np.float32]:
-        """(T, dof + 1), the state one frame later."""
-        return np.concatenate([self.states[1:], self.states[-1:]])
+        """(T, dof + 1), the command of one frame later."""
+        goals = self.states if self.commands is None else self.commands
+        return np.concatenate([goals[1:], goals[-1:]])
 
 
 def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
-    """Write the data set into an empty or missing ``folder``.
+    """Write the data set into an empty or missing ``folder``, whole or not at all.
 
     Raises :class:`Gvla2Error` for no episodes, for a folder that is not empty, and for episodes of different arms,
-    rates or picture sizes, which one data set cannot hold.
+    rates or picture sizes, which one data set cannot hold; :class:`OutputError` when it cannot be written.
     """
     if not episodes:
         raise Gvla2Error("There is no episode to export.")
     if folder.exists() and any(folder.iterdir()):
         raise Gvla2Error(f"The folder '{folder}' is not empty: name a new one with to=FOLDER.")
     kinds = {
-        (", ".join(filter(None, (e.robot, e.source))), e.fps, e.states.shape[1], e.film.size)
+        (", ".join(filter(None, (e.robot, e.source, *e.film.cameras))), e.fps, e.states.shape[1], e.film.size)
         for e in episodes
     }
     if len(kinds) > 1:
@@ -115,17 +140,30 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
         raise Gvla2Error(
             f"One data set holds one arm at one rate and picture size, not several: {kinds_found}."
         )
-    make_folder(folder)
+    aside = folder.absolute().with_name(f".{folder.absolute().name}.unfinished")
+    try:
+        shutil.rmtree(aside, ignore_errors=True)  # of an export that was killed
+        _write_whole(make_folder(aside), episodes)
+        aside.replace(folder)
+    except OSError as error:
+        raise OutputError(f"The data set '{folder}' cannot be written: {error.strerror or error}.") from error
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def _write_whole(folder: Path, episodes: Sequence[Demonstration]) -> None:
     tasks = list(dict.fromkeys(episode.task for episode in episodes))
+    cameras = [PICTURES + name for name in episodes[0].film.cameras]
     for index, episode in enumerate(episodes):
-        place = folder / "videos" / VIDEO / _place(index)
-        make_folder(place.parent)
-        shutil.copyfile(episode.film.path, place.with_suffix(".mp4"))
+        places = [folder / "videos" / name / f"{_place(index)}.mp4" for name in cameras]
+        for place in places:
+            make_folder(place.parent)
+        episode.film.write(places, episode.fps)
     _write(folder / "data" / _place(0), _data(episodes, tasks))
-    _write(folder / "meta" / "episodes" / _place(0), _episodes(episodes))
+    _write(folder / "meta" / "episodes" / _place(0), _episodes(episodes, cameras))
     _write(folder / "meta" / "tasks", _tasks(tasks))
     names = [*(f"joint_{k}.pos" for k in range(1, episodes[0].states.shape[1])), "gripper.width"]
-    layout = {"video": VIDEO, "chunk": _CHUNK, "chunk_size": _FILES_A_CHUNK, "size": episodes[0].film.size}
+    layout = {"videos": cameras, "chunk": _CHUNK, "chunk_size": _FILES_A_CHUNK, "size": episodes[0].film.size}
     held = {"episodes": episodes, "first": episodes[0], "tasks": tasks, "names": names}
     info = render("lerobot_info.json.jinja", **layout, **held)
     write_json(folder / "meta" / "info.json", json.loads(info))
@@ -161,8 +199,8 @@ def _vectors(rows: Sequence[NDArray[np.float32]]) -> pa.FixedSizeListArray:
     return pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel()), numbers.shape[1])
 
 
-def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
-    ends = np.cumsum([len(episode.states) for episode in episodes])
+def _episodes(episodes: Sequence[Demonstration], cameras: Sequence[str]) -> pa.Table:
+    ends = np.cumsum([0, *(len(episode.states) for episode in episodes)]).tolist()
     rows = [
         {
             "episode_index": index,
@@ -170,16 +208,23 @@ def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
             "length": len(episode.states),
             "data/chunk_index": 0,
             "data/file_index": 0,
-            "dataset_from_index": int(end) - len(episode.states),
-            "dataset_to_index": int(end),
-            f"videos/{VIDEO}/chunk_index": index // _FILES_A_CHUNK,
-            f"videos/{VIDEO}/file_index": index % _FILES_A_CHUNK,
-            f"videos/{VIDEO}/from_timestamp": 0.0,
-            f"videos/{VIDEO}/to_timestamp": len(episode.states) / episode.fps,
+            "dataset_from_index": first,
+            "dataset_to_index": end,
+            **{
+                f"videos/{name}/{key}": value
+                for name in cameras
+                for key, value in (
+                    ("chunk_index", index // _FILES_A_CHUNK),
+                    ("file_index", index % _FILES_A_CHUNK),
+                    ("from_timestamp", 0.0),
+                    ("to_timestamp", len(episode.states) / episode.fps),
+                )
+            },
             "meta/episodes/chunk_index": 0,
             "meta/episodes/file_index": 0,
+            **episode.labels,
         }
-        for index, (episode, end) in enumerate(zip(episodes, ends, strict=True))
+        for index, (episode, (first, end)) in enumerate(zip(episodes, pairwise(ends), strict=True))
     ]
     return pa.Table.from_pylist(rows)
 
@@ -192,7 +237,7 @@ def _tasks(tasks: Sequence[str]) -> pa.Table:
 
 
 def _stats(episodes: Sequence[Demonstration]) -> dict[str, Any]:
-    """Minimum, maximum, mean, standard deviation and count; of pictures by channel, in [0, 1]."""
+    """Minimum, maximum, mean, standard deviation, quantiles and count; of pictures by channel, in [0, 1]."""
     count = sum(len(episode.states) for episode in episodes)
     stats: dict[str, Any] = {}
     for name, rows in (
@@ -200,16 +245,26 @@ def _stats(episodes: Sequence[Demonstration]) -> dict[str, Any]:
         ("action", [episode.actions for episode in episodes]),
     ):
         exact = np.concatenate(rows).astype(np.float64)
-        stats[name] = {"min": exact.min(0), "max": exact.max(0), "mean": exact.mean(0), "std": exact.std(0)}
+        stats[name] = {
+            **{"min": exact.min(0), "max": exact.max(0), "mean": exact.mean(0), "std": exact.std(0)},
+            **{quantile: np.quantile(exact, share, axis=0) for quantile, share in QUANTILES.items()},
+        }
     films = [episode.film for episode in episodes]
-    pixels = sum(film.pixels for film in films)
-    mean = sum((film.total for film in films), np.zeros(3)) / pixels
-    spread = sum((film.squares for film in films), np.zeros(3)) / pixels - mean**2
-    colours = {
-        "min": np.min([film.low for film in films], axis=0),
-        "max": np.max([film.high for film in films], axis=0),
+    for camera, often in zip(films[0].cameras, sum(film.colours for film in films), strict=True):
+        stats[PICTURES + camera] = _of_colours(often)
+    return {name: {**numbers, "count": [count]} for name, numbers in stats.items()}
+
+
+def _of_colours(often: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
+    """Statistics (3, 1, 1) of colours in [0, 1] from how often each of 256 occurs in each channel (3, 256)."""
+    level, below = np.arange(256) / 255.0, often.cumsum(1) / often.sum(1, keepdims=True)
+    mean = often @ level / often.sum(1)
+    spread = often @ level**2 / often.sum(1) - mean**2
+    found = {
+        "min": level[(often > 0).argmax(1)],
+        "max": level[255 - (often > 0)[:, ::-1].argmax(1)],
         "mean": mean,
         "std": np.sqrt(np.maximum(spread, 0.0)),
+        **{quantile: level[(below >= share).argmax(1)] for quantile, share in QUANTILES.items()},
     }
-    stats[VIDEO] = {name: value.reshape(3, 1, 1) for name, value in colours.items()}
-    return {name: {**numbers, "count": [count]} for name, numbers in stats.items()}
+    return {name: value.reshape(3, 1, 1) for name, value in found.items()}

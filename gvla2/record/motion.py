@@ -9,6 +9,7 @@ import io
 from collections import deque
 from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.errors import OutputError
 from gvla2.io.files import write_bytes
 from gvla2.robot.backend import Moment
 
@@ -25,6 +27,8 @@ Film = Generator[None, bytes | None, None]
 """imageio-ffmpeg's open film: takes the bytes of one frame at a time."""
 
 FILM, STATES = "episode.mp4", "motion.npz"
+UNFINISHED = ".episode.mp4"
+"""The film while it is written: what a run that dies leaves does not look like a film."""
 DEFAULT_FPS = 5.0
 SMALLEST = 16
 """Minimum side of a film in pixels: encoders refuse smaller ones."""
@@ -35,7 +39,7 @@ AHEAD = 30
 class Motion:
     """Writes the film while the robot moves, in a thread of its own: an encoder takes 0.3 s to start.
 
-    :meth:`finish` closes it and writes the states.
+    :meth:`finish` closes it and writes the states; it raises :class:`OutputError` for what cannot be written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -49,7 +53,7 @@ class Motion:
 
     def moment(self, moment: Moment) -> None:
         """The state at the next frame."""
-        self._moments.append(moment)
+        self._moments.append(replace(moment, draw=None))  # which holds on to the scene it would draw
 
     def frame(self, image: Frame) -> None:
         """A frame, as large as the first one; sides are cropped to even numbers, as players require."""
@@ -83,13 +87,17 @@ class Motion:
             if self._film is not None:
                 self._film.close()
                 self._film = None
+                check_whole(self._folder / UNFINISHED).replace(self._folder / FILM)
         if self._moments and len(self._moments) == self._frames:
             stream = io.BytesIO()
+            given = [m.command for m in self._moments if m.command is not None]
+            commands = {"command": np.array(given)} if len(given) == self._frames else {}
             np.savez_compressed(
                 stream,
                 time=np.array([m.time for m in self._moments]),
                 joints=np.array([m.joints for m in self._moments]),
                 gripper_width=np.array([m.gripper_width for m in self._moments]),
+                **commands,
                 fps=np.array(self.fps),
             )
             write_bytes(self._folder / STATES, stream.getvalue())
@@ -100,7 +108,7 @@ class Motion:
             self._awaited.popleft().result()
 
     def _open(self, first: Frame, fps: float) -> None:
-        self._film = _opened(self._folder / FILM, first, fps)
+        self._film = opened(self._folder / UNFINISHED, first, fps)
         self._send(first)
 
     def _send(self, image: Frame) -> None:
@@ -108,11 +116,24 @@ class Motion:
             self._film.send(image.tobytes())
 
 
+def check_whole(film: Path) -> Path:
+    """The film; removes one that is cut, and raises :class:`OutputError`: the encoder does not say so."""
+    content, at, boxes = film.read_bytes() if film.is_file() else b"", 0, set()
+    while at < len(content):  # the boxes of an MP4 file follow one another
+        boxes.add(content[at + 4 : at + 8])
+        at += max(int.from_bytes(content[at : at + 4], "big"), 8)
+    if at != len(content) or not {b"moov", b"mdat"} <= boxes:
+        film.unlink(missing_ok=True)
+        raise OutputError(f"The film '{film}' could not be written whole. Check the disk's free space.")
+    return film
+
+
 def _even(image: Frame) -> Frame:
     return np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
 
 
-def _opened(path: Path, first: Frame, fps: float) -> Film:
+def opened(path: Path, first: Frame, fps: float) -> Film:
+    """A new film of pictures of the size of ``first``."""
     film: Film = imageio_ffmpeg.write_frames(
         str(path),
         (first.shape[1], first.shape[0]),
@@ -122,7 +143,7 @@ def _opened(path: Path, first: Frame, fps: float) -> Film:
         quality=7,
         macro_block_size=2,
         output_params=["-preset", "veryfast", "-movflags", "+faststart"],
-        ffmpeg_log_level="error",
+        ffmpeg_log_level="fatal",
     )
     film.send(None)
     return film

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import subprocess
 from collections.abc import Iterator
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -66,7 +66,8 @@ def changed_options(made: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         if is_dataclass(value):
             yield from changed_options(value, f"{path}{each.name}.")
             continue
-        usual = each.default if each.default_factory is MISSING else each.default_factory()
+        # In a launcher's worker process the class was pickled, and its MISSING is not the one of dataclasses.
+        usual = each.default_factory() if callable(each.default_factory) else each.default
         if value != usual and not (isinstance(usual, tuple) and value == list(usual)):  # as composed
             yield f"{path}{each.name}", plain(value)
 

@@ -35,7 +35,7 @@ class Progress:
     def __init__(self, quiet: bool = False, console: Console | None = None, label: str = "") -> None:
         self._console = console or Console(stderr=True, highlight=False)
         self._quiet, self._gone = quiet, False
-        self._label = f"{self._printable(label, 48)} " if label else ""
+        self._label = f"{self._printable(label, 80)} " if label else ""
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._status: Status | None = None
         self._began = time.monotonic()
@@ -81,7 +81,8 @@ class Progress:
         self.close()
         tone = {"good": "bold green", "bad": "bold red", "unsure": "bold yellow"}[headline(record)[1]]
         self._print(Text(self._printable(summary_line(record), 400), style=tone))
-        self._print(Text(self._printable(f"-> {folder / 'index.html'}", 400)))
+        page = folder / "index.html"
+        self._print(Text(self._printable(f"-> {page if page.is_file() else folder}", 400)))
 
     def close(self) -> None:
         """Remove the spinner; safe to call twice."""

@@ -76,6 +76,14 @@ class ReconstructionRecord:
         points = points_of(self.result.g0)
         return float((points.max(axis=0) - points.min(axis=0)).max())
 
+    def numbers(self) -> dict[str, float]:
+        """The result's measures by name, those in held-out views as ``held_out_psnr``, and the seconds of all steps."""
+        groups = self.measures.groups if self.measures else {}
+        found = {"symmetric_iou": math.nan, "seconds": sum(self.timings.values())}
+        for group, prefix in (("inputs", ""), ("held_out", "held_out_"), ("truth", "")):
+            found |= {f"{prefix}{name}": value for name, value in groups.get(group, ({}, {}))[1].items()}
+        return found
+
     def summary(self) -> dict[str, Any]:
         """``result.json``: the options and choices, each stage's status with its reason, and all measures."""
         out, measures = self.result.out, self.measures
@@ -171,14 +179,20 @@ def compared(record: ReconstructionRecord, group: str, name: str) -> BeforeAfter
 
 
 def headline(record: ReconstructionRecord) -> tuple[str, str]:
-    """The outcome in two words, and its tone."""
+    """The outcome in a few words, and its tone, by the best evidence: a true mesh, else unused views, else masks."""
     if not record.changed:
         return "Kept as first made", "idle"
     if record.displacement < _STILL * record.size:
         return "Hardly moved", "idle"
-    fit = compared(record, "inputs", "symmetric_iou")
-    worse = fit is not None and fit.tone == "bad"
-    return ("Refined, masks fit worse", "unsure") if worse else ("Refined", "good")
+    for group, name, worse in (
+        ("truth", "cd_surface", "farther from the truth"),
+        ("held_out", "psnr", "unused views fit worse"),
+        ("inputs", "symmetric_iou", "masks fit worse"),
+    ):
+        number = compared(record, group, name)
+        if number is not None:
+            return (f"Refined, {worse}", "unsure") if number.tone == "bad" else ("Refined", "good")
+    return "Refined", "good"
 
 
 def unusual_options(record: ReconstructionRecord) -> dict[str, str]:

@@ -24,7 +24,7 @@ from gvla2.planning.contracts import Plan
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import contact_sheet_of
-from gvla2.record.motion import FILM, STATES, Motion
+from gvla2.record.motion import FILM, STATES, UNFINISHED, Motion
 from gvla2.record.origin import Origin
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
@@ -50,6 +50,7 @@ class FolderRecorder:
     def __init__(self, folder: Path, config: str, origin: Origin | None = None) -> None:
         self.folder, self.config, self.origin = make_folder(folder), config, origin or Origin()
         self.notes: list[str] = []
+        self._unwritable = False
         try:
             for name in self.WRITTEN:
                 (folder / name).unlink(missing_ok=True)
@@ -66,11 +67,16 @@ class FolderRecorder:
             return None
 
     def complain(self, what: str, error: Exception) -> None:
-        """Note once what could not be made and why."""
+        """Note once what could not be made and why; a full disk, which many files meet, is one warning."""
         note = f"{what} could not be made: {type(error).__name__}: {error}"
-        if note not in self.notes:
-            self.notes.append(note)
+        if note in self.notes:
+            return
+        self.notes.append(note)
+        if not isinstance(error, OutputError):
             log.warning(note, exc_info=error)
+        elif not self._unwritable:
+            self._unwritable = True
+            log.warning(note)
 
     def there(self) -> list[str]:
         """The names of the files in the folder."""
@@ -139,7 +145,8 @@ class RunRecorder(FolderRecorder):
 
     Numbers come first: ``result.json`` and the stages' JSON
     files are written before any picture, and a picture that cannot be made becomes a note and a warning, never an
-    error. Pictures are made beside the run, on another core; :meth:`finish` waits for them.
+    error. Pictures are made beside the run, on another core; :meth:`finish` waits for them. With ``keep`` "light" no
+    film, views and 3D scene are made, with "none" ``config.yaml`` and ``result.json`` are all.
     Raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
     """
 
@@ -147,14 +154,20 @@ class RunRecorder(FolderRecorder):
         "result.json",
         *STAGE_FILES,
         *(shown.file for shown in SHOWN.values() if shown.file),
-        *(f"{VIEWS}/{CAMERAS}", "scene.glb", FILM, STATES, "index.html"),
+        *(f"{VIEWS}/{CAMERAS}", "scene.glb", FILM, UNFINISHED, STATES, "index.html"),
     )
 
     def __init__(
-        self, folder: Path, config_yaml: str, command: str = "run", origin: Origin | None = None
+        self,
+        folder: Path,
+        config_yaml: str,
+        command: str = "run",
+        origin: Origin | None = None,
+        keep: str = "full",
     ) -> None:
         super().__init__(folder, config_yaml, origin)
-        self._command = command
+        self._command, self._pictured = command, keep != "none"
+        self.films = keep == "full"
         self._motion = Motion(folder)
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
@@ -163,29 +176,33 @@ class RunRecorder(FolderRecorder):
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
-        self.attempt("A frame of the film", lambda: self._motion.frame(image))
+        if self.films:
+            self.attempt("A frame of the film", lambda: self._motion.frame(image))
 
     def moment(self, moment: Moment) -> None:
         """Keep the robot's state at the next frame. Never raises."""
-        self._motion.moment(moment)
+        if self.films:
+            self._motion.moment(moment)
 
     def stage(self, record: EpisodeRecord, stage: str) -> None:
         """Write what ``record`` holds since the last call; call it after each finished (or failed) stage.
 
         Its pictures follow within a moment, see :meth:`settle`.
         """
-        self._write_numbers(record)
-        self._write_pictures(record)
+        if self._pictured:
+            self._write_numbers(record)
+            self._write_pictures(record)
 
     def finish(self, record: EpisodeRecord) -> Path:
         """Write everything still missing, the film and the page; returns the page's path."""
-        self._write_numbers(record)
-        self._write_pictures(record)
-        self._write_model(record)
-        self.attempt("The film", self._finish_film)
-        self.settle()
         page = self.folder / "index.html"
-        self.attempt("The page", lambda: write_text(page, self._page(record)))
+        if self._pictured:
+            self._write_numbers(record)
+            self._write_pictures(record)
+            self._write_model(record)
+            self.attempt("The film", self._finish_film)
+            self.settle()
+            self.attempt("The page", lambda: write_text(page, self._page(record)))
         self._write_numbers(record, last=True)  # again, with the notes about pictures
         return page
 
@@ -201,7 +218,7 @@ class RunRecorder(FolderRecorder):
     def _write_numbers(self, record: EpisodeRecord, last: bool = False) -> None:
         result = {**self._noted(record).result(self._command), "origin": plain(self.origin)}
         write_json(self.folder / "result.json", result, flushed=last)
-        for name, content in STAGE_FILES.items():
+        for name, content in STAGE_FILES.items() if self._pictured else ():
             value = content(record)
             if value is not None and self._written.get(name) != value:
                 write_json(self.folder / name, value, flushed=last)
@@ -212,7 +229,7 @@ class RunRecorder(FolderRecorder):
             inputs = shown.inputs(record)
             if not any(each is None for each in inputs):
                 self._once(shown.called, partial(self._show, name, shown.file, shown.make, *inputs), *inputs)
-        if record.scene is not None and record.observation is not None:
+        if self.films and record.scene is not None and record.observation is not None:
             keep = partial(self._keep_views, record.scene, record.instruction, record.observation)
             self._once("The views", keep, record.observation)
         if record.checks is not None:
@@ -220,6 +237,8 @@ class RunRecorder(FolderRecorder):
 
     def _write_model(self, record: EpisodeRecord) -> None:
         """The scene in 3D, once for what it shows; at the latest at the end."""
+        if not self.films:
+            return
         make = partial(self._show, "model", "scene.glb", scene_glb, record)
         self._once("The 3D scene", make, record.observation, record.scene, record.plan, record.checks)
 

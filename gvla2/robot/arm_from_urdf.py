@@ -1,13 +1,11 @@
-"""An arm from its URDF: kinematics, hand, home, collision model, and how it looks."""
+"""An arm from its description, such as a URDF: kinematics, hand, home, collision model, and how it looks."""
 
 from __future__ import annotations
 
-import tempfile
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,7 +52,7 @@ class ArmModel:
     """Implements :class:`gvla2.planning.arm.Arm`, plus what motion planning needs. Not safe to share between threads.
 
     ``limits`` are the lower and upper joint limits (dof,), the margin taken off, and
-    ``velocity_limits`` the URDF's joint speeds, rad/s. Raises :class:`RobotError` for a home outside the limits.
+    ``velocity_limits`` the description's joint speeds, rad/s. Raises :class:`RobotError` for a home outside the limits.
     """
 
     def __init__(
@@ -92,17 +90,35 @@ class ArmModel:
         allowed_contacts: frozenset[str] = frozenset(),
         attached: Attachment | None = None,
     ) -> Clearance:
-        """Smallest distance of the arm to itself and the scene, metres; links go by their URDF names."""
+        """Smallest distance of the arm to itself and the scene, metres; links go by their names."""
         return self.checker(scene, gripper, allowed_contacts, attached).clearance(joints)
 
 
 @dataclass(frozen=True)
-class UrdfArm:
-    """An arm as its URDF and options describe it; metres, world frame.
+class ArmDescription:
+    """What an arm is made of, read from what errors call ``source``; metres.
 
-    ``arm`` plans and checks motions. ``urdf`` is a text without visuals and materials, its meshes by absolute path.
-    ``surfaces`` are the links' looks in their own frames, by name; ``base_links`` don't move. ``hand_from_tcp`` (4, 4)
-    is the tool centre point in the frame of the gripper's palm; closed fingers are ``gap`` apart.
+    ``model`` (links are its body frames) and ``solids``, what collides, are pinocchio's. ``surfaces`` are the links'
+    looks and ``corners`` (N, 3) of their solids, by name and in their own frames. ``urdf`` is a text without visuals
+    and materials, its meshes by absolute path; "" for an arm that has none.
+    """
+
+    source: str
+    model: Any
+    solids: Any
+    surfaces: Mapping[str, Surface]
+    corners: Mapping[str, FloatArray]
+    gripper: Gripper
+    urdf: str = ""
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """An arm with its hand, as a description and options make it; metres, world frame.
+
+    ``arm`` plans and checks motions. ``urdf`` and ``surfaces`` are those of the :class:`ArmDescription`; ``base_links``
+    don't move. ``hand_from_tcp`` (4, 4) is the tool centre point in the frame of the gripper's palm; closed fingers are
+    ``gap`` apart.
     """
 
     robot: str
@@ -137,7 +153,7 @@ class UrdfArm:
         return tuple(marked)
 
 
-def arm_from_urdf(config: ArmConfig) -> UrdfArm:
+def arm_from_urdf(config: ArmConfig) -> RobotModel:
     """The arm that the options describe; raises :class:`RobotError` on what is wrong with its URDF.
 
     Raises :class:`ConfigurationError` for options that are missing or contradict each other.
@@ -150,14 +166,24 @@ def arm_from_urdf(config: ArmConfig) -> UrdfArm:
     gripper = own_gripper(robot, config) if config.gripper_joints else mount(robot, config)
     freeze(robot, (config.tool_link, gripper.palm), [finger.joint for finger in gripper.fingers])
     base = rigid(Rotation.from_euler("z", config.base_yaw).as_matrix(), np.array(config.base_position))
-    urdf = without_looks(robot)
-    with tempfile.TemporaryDirectory(prefix="gvla2-arm-") as folder:
-        path = Path(folder) / file.name
-        path.write_text(urdf, "utf-8")
-        with reading("an arm", file, RobotError):  # the libraries' errors name a temporary file at best
-            kinematics, gripper, hand = _tool(path, robot, config, gripper, base)
-            srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
-            collisions = CollisionModel(kinematics, path, hand_links=gripper.links, srdf=srdf)
+    urdf, pin = without_looks(robot), library("pinocchio")
+    with reading("an arm", file, RobotError):  # the libraries' errors name no file
+        model = pin.buildModelFromXML(urdf)
+        solids = pin.buildGeomFromUrdfString(model, urdf, pin.GeometryType.COLLISION)
+    surfaces, shapes = link_surfaces(robot), link_surfaces(robot, drawn=False)
+    corners = {link: np.asarray(shape.vertices) for link, shape in shapes.items()}
+    description = ArmDescription(file.name, model, solids, surfaces, corners, gripper, urdf)
+    return build_arm(description, config, base)
+
+
+def build_arm(description: ArmDescription, config: ArmConfig, world_from_base: FloatArray) -> RobotModel:
+    """The arm of a description, its base at a pose (4, 4); of the options those of its tool, hand, home and workspace
+    count. Raises :class:`RobotError` for what does not fit.
+    """
+    with reading("an arm", description.source, RobotError):
+        kinematics, gripper, hand = _tool(description, config, world_from_base)
+        srdf = find_file(config.srdf, "robot.srdf") if config.srdf else None
+        collisions = CollisionModel(kinematics, description.solids, hand_links=gripper.links, srdf=srdf)
     frames = {
         str(f.name): f for f in kinematics.model.frames if f.type == library("pinocchio").FrameType.BODY
     }
@@ -167,13 +193,13 @@ def arm_from_urdf(config: ArmConfig) -> UrdfArm:
             f"robot.tool_link={config.tool_link} and the gripper's {gripper.palm} are not one rigid part: a joint of "
             "the arm moves between them. Name a link behind the arm's last joint."
         )
-    return UrdfArm(
+    return RobotModel(
         robot=config.name,
         arm=_at_home(config, kinematics, collisions, hand),
-        urdf=urdf,
-        surfaces=link_surfaces(robot),
-        world_from_base=base,
-        base_links=frozenset(n for n in links if n in frames and frames[n].parentJoint == 0),
+        urdf=description.urdf,
+        surfaces=description.surfaces,
+        world_from_base=world_from_base,
+        base_links=frozenset(name for name, frame in frames.items() if frame.parentJoint == 0),
         gripper=gripper,
         hand_from_tcp=invert_rigid(palm.placement.homogeneous) @ kinematics.joint_from_tcp,
         gap=max(0.0, hand.max_width - sum(abs(f.opened - f.closed) for f in gripper.fingers)),
@@ -198,28 +224,28 @@ def _check(config: ArmConfig) -> None:
 
 
 def _tool(
-    urdf: Path, robot: ET.Element, config: ArmConfig, gripper: Gripper, base: FloatArray
+    description: ArmDescription, config: ArmConfig, world_from_base: FloatArray
 ) -> tuple[Kinematics, Gripper, Hand]:
     """The arm's kinematics to its tool centre point, and the hand's geometry, measured if not given."""
+    gripper, corners = description.gripper, description.corners
 
     def kinematics(tool_from_tcp: FloatArray) -> Kinematics:
         return Kinematics(
-            urdf,
-            world_from_base=base,
+            description.model,
+            description.source,
+            world_from_base=world_from_base,
             tool_link=config.tool_link,
             link_from_tcp=rigid(Rotation.from_euler("xyz", config.tool_rpy).as_matrix()) @ tool_from_tcp,
             fingers=gripper.fingers,
             limit_margin=config.limit_margin,
         )
 
-    shapes = link_surfaces(robot, drawn=False)
-    bare = [link for link in gripper.links if link not in shapes]
+    bare = [link for link in gripper.links if link not in corners]
     if bare:
         raise RobotError(
             f"The gripper's links {bare} have no shape; give them a <collision>, or name other joints."
         )
-    vertices = {link: np.asarray(shapes[link].vertices) for link in gripper.links}
-    gripper, tool_from_tips, sizes = measured(kinematics(np.eye(4)), gripper, vertices)
+    gripper, tool_from_tips, sizes = measured(kinematics(np.eye(4)), gripper, corners)
     tcp = tool_from_tips @ rigid(translation=(0.0, 0.0, -TIP_BEYOND_TCP))
     if config.tool_offset:
         tcp[:3, 3] = config.tool_offset

@@ -31,7 +31,8 @@ class SuccessCheck:
 @dataclass(frozen=True)
 class Moment:
     """The measured robot at the time of a frame: ``time`` in seconds of a monotonic clock, ``joints`` (dof,) in
-    radians, ``gripper_width`` in metres.
+    radians, ``gripper_width`` in metres; ``command`` (dof + 1,) the joints and the width that it is driven to, None for
+    a robot that does not know them.
 
     ``draw`` makes that frame, (H, W, 3) uint8, whenever it is called until the robot's next reset: a film that few will
     see is only drawn for them. None for a robot that cannot.
@@ -41,6 +42,7 @@ class Moment:
     joints: NDArray[np.float64]
     gripper_width: float
     draw: Callable[[], NDArray[np.uint8]] | None = None
+    command: NDArray[np.float64] | None = None
 
 
 @runtime_checkable

@@ -104,21 +104,22 @@ class CollisionModel:
 
     Pairs of links that the SRDF disables are left out; for links that it does not name, or without one, pairs that are
     usually close. ``overlapping`` are the pairs whose hulls overlap harmlessly: physics must ignore them.
-    ``hand_links`` (URDF links) may touch a waypoint's allowed contacts, other links never.
+    ``solids`` are those of :func:`link_geometry`. ``hand_links`` may touch a waypoint's allowed contacts, other links
+    never.
     """
 
     def __init__(
         self,
         kinematics: Kinematics,
-        urdf: Path,
+        solids: Any,
         *,
         hand_links: Sequence[str],
         srdf: Path | None = None,
     ) -> None:
         self._kinematics = kinematics
-        self._robot = link_geometry(kinematics, urdf)
+        self._robot = link_geometry(kinematics, solids)
         self._hand = frozenset(hand_links)
-        solids = [(_link(o), o.parentJoint) for o in self._robot.geometryObjects]
+        links = [(_link(o), o.parentJoint) for o in self._robot.geometryObjects]
         close = usually_close(kinematics, self._robot, self._hand)
         listed = set() if srdf is None else disabled(srdf)
         named = {link for pair in listed for link in pair}
@@ -126,7 +127,7 @@ class CollisionModel:
         self.overlapping = close if srdf is None else close | disabled(srdf, "Default")
         self._self_pairs = [
             (i, j)
-            for (i, (one, a)), (j, (other, b)) in combinations(enumerate(solids), 2)
+            for (i, (one, a)), (j, (other, b)) in combinations(enumerate(links), 2)
             if a != b and frozenset((one, other)) not in harmless
         ]
         self._data = kinematics.model.createData()  # of one configuration, for any checker
@@ -213,10 +214,10 @@ def _pieces(path: str, scale: float) -> tuple[Any, ...]:
     # Few scenes have such an object, and importing trimesh is slow.
     from gvla2.geometry.convex import convex_pieces
 
-    return tuple(_hull(corners) for corners in convex_pieces(path, scale))
+    return tuple(convex_hull(corners) for corners in convex_pieces(path, scale))
 
 
-def _hull(corners: FloatArray) -> Any:
+def convex_hull(corners: FloatArray) -> Any:
     """The convex hull of points (N, 3) as a coal shape."""
     coal = library("coal")
     vertices = coal.StdVec_Vec3s()
@@ -253,14 +254,14 @@ def _bisecting(count: int) -> list[int]:
     return sorted(range(count), key=lambda index: f"{index:0{bits}b}"[::-1])
 
 
-def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
-    """A pinocchio ``GeometryModel`` in the world: solids are named by their link, and names may repeat.
+def link_geometry(kinematics: Kinematics, solids: Any) -> Any:
+    """The collision shapes of links, a pinocchio ``GeometryModel``, fewer and in the world: they are named by their
+    link, and names may repeat.
 
     Round primitives (spheres, cylinders, capsules) are kept: exact, and faster than a hull; a link's meshes and boxes
-    become their convex hull. Raises :class:`RobotError` when a mesh can't be read.
+    become their convex hull.
     """
     pin, coal = library("pinocchio"), library("coal")
-    source = pin.buildGeomFromUrdf(kinematics.model, str(urdf), pin.GeometryType.COLLISION)
     merged = pin.GeometryModel()
 
     def add(frame: int, placement: Any, shape: Any) -> None:
@@ -268,10 +269,14 @@ def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
         merged.addGeometryObject(pin.GeometryObject(link.name, link.parentJoint, frame, placement, shape))
 
     corners: dict[int, list[FloatArray]] = defaultdict(list)
-    for solid in source.geometryObjects:
+    for solid in solids.geometryObjects:
         shape, pose = solid.geometry, solid.placement
+        if solid.parentJoint == 0:
+            pose = pin.SE3(kinematics.world_from_base) * pose
         if isinstance(shape, coal.BVHModelBase):
             points = np.array(shape.vertices(), dtype=np.float64).reshape(-1, 3)
+        elif isinstance(shape, coal.ConvexBase):
+            points = np.array(shape.points(), dtype=np.float64).reshape(-1, 3)
         elif isinstance(shape, coal.Box):
             points = box_corners(2.0 * shape.halfSide)
         else:
@@ -279,7 +284,7 @@ def link_geometry(kinematics: Kinematics, urdf: Path) -> Any:
             continue
         corners[solid.parentFrame].append(points @ pose.rotation.T + pose.translation)
     for frame, pieces in corners.items():
-        add(frame, pin.SE3.Identity(), _hull(np.concatenate(pieces)))
+        add(frame, pin.SE3.Identity(), convex_hull(np.concatenate(pieces)))
     return merged
 
 

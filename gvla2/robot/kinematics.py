@@ -1,11 +1,10 @@
-"""Forward kinematics of an arm from its URDF, in the world frame."""
+"""Forward kinematics of an arm, in the world frame."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,15 +43,17 @@ class Finger:
 class Kinematics:
     """An arm of single-axis joints: joint limits and tool pose.
 
-    ``world_from_base`` (4, 4) places the URDF's root; ``tool_link`` is a link of the URDF and ``link_from_tcp`` (4, 4)
-    the tool centre point in it. Joints are the URDF's movable ones except the fingers', in its order. ``limit_margin``
-    (radians) is kept free at both ends of each joint's range. ``model`` is pinocchio's with fingers, ``arm`` without.
-    Not safe to share between threads. Raises :class:`RobotError` for a URDF that does not fit.
+    ``robot`` is pinocchio's model, read from what errors call ``source``. ``world_from_base`` (4, 4) places its root;
+    ``tool_link`` is one of its links and ``link_from_tcp`` (4, 4) the tool centre point in it. Joints are all but the
+    fingers', in its order. ``limit_margin`` (radians) is kept free at both ends of each joint's range. ``model`` is in
+    the world, with fingers, ``arm`` without. Not safe to share between threads. Raises :class:`RobotError` for a model
+    that does not fit.
     """
 
     def __init__(
         self,
-        urdf: Path,
+        robot: Any,
+        source: str,
         *,
         world_from_base: FloatArray,
         tool_link: str,
@@ -61,16 +62,16 @@ class Kinematics:
         limit_margin: float = 0.01,
     ) -> None:
         self._pin = pin = library("pinocchio")
-        self.model = pin.buildModelFromUrdf(str(urdf))
+        self.model = robot.copy()
         self.world_from_base = world_from_base
         _place_base(self.model, pin.SE3(world_from_base))
         free = [n for n, joint in zip(self.model.names, self.model.joints, strict=True) if joint.nq > 1]
         if free:
-            raise RobotError(f"{urdf.name}: {', '.join(free)} have several axes, which is not supported.")
+            raise RobotError(f"{source}: {', '.join(free)} have several axes, which is not supported.")
         frame = self.model.frames[self.model.getFrameId(tool_link)]
         if frame.parentJoint == 0:
             raise RobotError(
-                f"No joint of {urdf.name} moves the tool's link '{tool_link}'; name one behind the arm's last joint."
+                f"No joint of {source} moves the tool's link '{tool_link}'; name one behind the arm's last joint."
             )
         names = {f.joint for f in fingers}
         self.joint_names = tuple(name for name in list(self.model.names)[1:] if name not in names)
@@ -95,7 +96,7 @@ class Kinematics:
             bad = ~(np.isfinite(self.low) & np.isfinite(self.high) & (self.low < self.high))
             rows = zip(self.joint_names, self.low - limit_margin, self.high + limit_margin, bad, strict=True)
             listing = ", ".join(f"{name} ({low:g} to {high:g})" for name, low, high, wrong in rows if wrong)
-            raise RobotError(f"Joints of {urdf.name} cannot move within their <limit>: {listing}.")
+            raise RobotError(f"Joints of {source} cannot move within their <limit>: {listing}.")
 
     def _column(self, name: str) -> int:
         return int(self.model.joints[self.model.getJointId(name)].idx_q)
@@ -106,7 +107,7 @@ class Kinematics:
         return len(self.joint_names)
 
     def full(self, joints: FloatArray, gripper: float) -> FloatArray:
-        """All of the URDF's joints (nq,) for the arm's (dof,) and an opening in [0, 1]."""
+        """All of the model's joints (nq,) for the arm's (dof,) and an opening in [0, 1]."""
         q = np.empty(self.model.nq)
         q[self.arm_index] = joints
         q[self._finger_index] = self._closed + gripper * (self._opened - self._closed)

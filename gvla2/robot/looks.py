@@ -49,7 +49,7 @@ def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
         solids = (link.findall("visual") if drawn else []) or link.findall("collision")
         shapes = [shape for shape in (_shape(solid, robot, drawn) for solid in solids) if shape is not None]
         if shapes:
-            surfaces[link.get("name", "")] = _joined(shapes, identity=0)
+            surfaces[link.get("name", "")] = joined(shapes, identity=0)
     return surfaces
 
 
@@ -116,7 +116,7 @@ def body_surface(body: Body) -> Surface:
         mesh = scan.textured.mesh
         vertices = transform_points(scan.body_from_shape, mesh.vertices)
         return Surface(vertices, mesh.faces, scan.textured.rgb.mean(axis=1), 1, scan.texture)
-    return _joined([_solid(solid) for solid in body.solids], identity=1)
+    return joined([_solid(solid) for solid in body.solids], identity=1)
 
 
 def _solid(solid: Solid) -> Surface:
@@ -136,7 +136,8 @@ def _solid(solid: Solid) -> Surface:
     return Surface(vertices, faces, np.tile(solid.rgb, (len(faces), 1)), 0)
 
 
-def _joined(surfaces: Sequence[Surface], identity: int) -> Surface:
+def joined(surfaces: Sequence[Surface], identity: int) -> Surface:
+    """One surface of all."""
     starts = np.cumsum([0, *(len(s.vertices) for s in surfaces)])
     return Surface(
         np.concatenate([s.vertices for s in surfaces]),

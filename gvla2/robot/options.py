@@ -8,7 +8,7 @@ from typing import ClassVar
 from gvla2.component import ComponentConfig, check_ranges
 from gvla2.errors import ConfigurationError
 
-KINDS = ("none", "gaussian", "l515", "realistic")
+KINDS = ("none", "gaussian", "l515", "realistic", "poor", "bad")
 
 
 @dataclass
@@ -56,6 +56,11 @@ class TaskConfig(ComponentConfig):
     """
 
     distractors: int = 0
+
+    @property
+    def known_objects(self) -> str:
+        """The folder of the meshes that lie there, a gallery for perceivers that are given no other; "" for none."""
+        return ""
 
 
 @dataclass
@@ -130,3 +135,24 @@ class WorkcellConfig(ArmConfig):
     either_way: bool = True
     reach: float = 0.0
     camera_poses: dict[str, list[float]] = field(default_factory=dict)
+
+
+@dataclass
+class SimulationConfig(ComponentConfig):
+    """Options of a simulator that somebody else built (:mod:`gvla2.robot.simulation`).
+
+    The film has ``video_fps`` pictures a second, none at 0. ``acceleration`` bounds the arm's joints (rad/s²),
+    ``pace`` multiplies the tool speeds of plans. ``viewpoint`` is from where instructions name sides: "robot", or
+    "facing" it, like a camera opposite.
+    """
+
+    video_fps: float = 5.0
+    acceleration: float = 10.0
+    pace: float = 1.6
+    viewpoint: str = "robot"
+
+    def __post_init__(self) -> None:
+        positive = dict.fromkeys(("acceleration", "pace"), (0.001, 1000000.0, ""))
+        check_ranges(self, "robot", positive | {"video_fps": (0.0, 1000.0, "")})
+        if self.viewpoint not in ("robot", "facing"):
+            raise ConfigurationError(f"robot.viewpoint={self.viewpoint} must be robot or facing.")

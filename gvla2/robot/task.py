@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -258,6 +258,25 @@ class Task(Protocol):
         """One episode. With ``instruction`` the layout stays that of the seed, the sentence is the given one, and the
         success check applies to the objects that it names, if it names any (a colour on the table).
         """
+        ...
+
+
+@dataclass(frozen=True)
+class Hearsay:
+    """What somebody says about a task: to carry out ``sentence``, the ``skill``'s ``parameter`` has to be ``value``."""
+
+    sentence: str
+    skill: str
+    parameter: str
+    value: float
+
+
+@runtime_checkable
+class HasHearsay(Protocol):
+    """A task about whose hidden property others talk, rightly or wrongly."""
+
+    def hearsay(self, rng: np.random.Generator, *, wrong: bool) -> Hearsay:
+        """What is said, by someone who knows or by someone who is ``wrong``."""
         ...
 
 

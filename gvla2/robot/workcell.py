@@ -10,7 +10,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, look_along, rigid
-from gvla2.robot.arm_from_urdf import AHEAD, UrdfArm, arm_from_urdf
+from gvla2.robot.arm_from_urdf import AHEAD, RobotModel, arm_from_urdf
 from gvla2.robot.options import WorkcellConfig
 from gvla2.robot.task import Body, Primitive
 
@@ -34,7 +34,7 @@ TABLE_RGB, TABLE_THICKNESS = (0.76, 0.61, 0.43), 0.05
 
 
 @dataclass(frozen=True)
-class Workcell(UrdfArm):
+class Workcell(RobotModel):
     """Everything specific to one simulated arm; metres, world frame.
 
     Tasks are laid out in the rectangle ``site_size`` (x, y) about ``site_centre``, on ``table``. The hand reaches
@@ -86,7 +86,7 @@ def make_cell(config: WorkcellConfig) -> Workcell:
     top = Primitive("box", (config.table_size[0], config.table_size[1], TABLE_THICKNESS), TABLE_RGB)
     at = (*(config.table_centre or centre), height - 0.5 * TABLE_THICKNESS)
     return Workcell(
-        **{name: getattr(made, name) for name in UrdfArm.__dataclass_fields__},
+        **{name: getattr(made, name) for name in RobotModel.__dataclass_fields__},
         table=Body("table", (top,), rigid(translation=at), fixed=True),
         site_centre=(centre[0], centre[1]),
         site_size=(size[0], size[1]),

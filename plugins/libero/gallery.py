@@ -13,7 +13,6 @@ import trimesh
 
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.io.files import write_whole
-from gvla2.robot.mujoco.description import add_joint
 from gvla2.robot.mujoco.objects import drawn_objects, moving_part
 from gvla2.robot.mujoco.stepping import DRAWN, silent
 from gvla2_plugins.libero.worlds import bddl_files
@@ -70,9 +69,11 @@ def _write(folder: Path, name: str, model: Any) -> None:
         if body != root:
             part, number = moving_part(model, data, body, drawn[body]), int(model.body_jntadr[body])
             label, origin = part.name.replace(" ", "_"), data.xanchor[number]
-            kind = "prismatic" if part.joint.slides else "revolute"
-            pose, limits = rigid(translation=origin), model.jnt_range[number]
-            add_joint(robot, f"{label}_joint", kind, ("base", label), pose, data.xaxis[number], limits)
+            kind, (low, high) = "prismatic" if part.joint.slides else "revolute", model.jnt_range[number]
+            joint = f'<parent link="base"/><child link="{label}"/><origin xyz="{_text(origin)}"/>'
+            joint += f'<axis xyz="{_text(data.xaxis[number])}"/>'
+            joint += f'<limit lower="{low}" upper="{high}" velocity="1" effort="100"/>'
+            robot.append(ET.fromstring(f'<joint name="{label}_joint" type="{kind}">{joint}</joint>'))
         link = ET.SubElement(robot, "link", name=label)
         if body in drawn:
             file = f"{name}/{label}.glb"
@@ -80,6 +81,10 @@ def _write(folder: Path, name: str, model: Any) -> None:
             ET.SubElement(ET.SubElement(ET.SubElement(link, "visual"), "geometry"), "mesh", filename=file)
     ET.indent(robot)
     write_whole(folder / f"{name}.urdf", ET.tostring(robot))
+
+
+def _text(values: FloatArray) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
 
 
 def _export(file: Path, meshes: Sequence[Any], origin: FloatArray) -> None:

@@ -12,9 +12,9 @@ import numpy as np
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
-from gvla2.robot.mujoco.backend import MujocoArm
 from gvla2.robot.mujoco.stepping import OPTIONS, EnvWorld, hand_of, import_robosuite, silent
 from gvla2.robot.mujoco.world import import_mujoco
+from gvla2.robot.simulation import SimulatedRobot
 from gvla2_plugins.libero import LiberoConfig
 
 CAPS = {"libero_spatial": 220, "libero_object": 280, "libero_goal": 300, "libero_10": 520}
@@ -63,7 +63,7 @@ def sentence_of(file: Path) -> str:
     return " ".join(found[1].split()) if found else ""
 
 
-class LiberoArm(MujocoArm):
+class LiberoArm(SimulatedRobot):
     """The robot: a Panda in LIBERO's worlds, whose objects are known."""
 
     def __init__(self, config: LiberoConfig) -> None:
@@ -93,7 +93,7 @@ class LiberoWorld(EnvWorld):
             env = problem(str(file), robots=["Panda"], **OPTIONS)
         # The hand's command moves with every step of the physics.
         stride = hand_of(env).speed * _substeps(env)
-        super().__init__(env, config.stiffness, config.max_steps or _cap(suite), stride)
+        super().__init__(config, env, config.max_steps or _cap(suite), stride)
         self._states, self._settle_steps, self._task = np.asarray(states), config.settle_steps, task
         self._mujoco, self._stiffness = import_mujoco(), config.stiffness
         self.instruction, self.goal = sentence_of(file), f"LIBERO's own check of {task}: {_goal(env)}"
@@ -107,7 +107,7 @@ class LiberoWorld(EnvWorld):
 
         Its own loop evaluates the model three times a physics step, to the same end; robosuite 1.5 does it once, too.
         """
-        mujoco, model, data, robot = self._mujoco, self.model, self.data, self.robot
+        mujoco, model, data, robot = self._mujoco, self.model, self.data, self.env_robot
         at, moving = robot._ref_joint_pos_indexes, robot._ref_joint_vel_indexes
         motors, limits = robot._ref_joint_actuator_indexes, robot.torque_limits
         pull, weighed = np.zeros(model.nv), np.zeros(model.nv)

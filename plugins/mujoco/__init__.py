@@ -46,7 +46,7 @@ class MjcfConfig(MujocoConfig):
 
 def _build(config: MjcfConfig) -> RobotBackend:
     """An arm in any MJCF file, its cameras and its actuators named by options."""
-    from gvla2.robot.mujoco.backend import MujocoArm
+    from gvla2.robot.simulation import SimulatedRobot
     from gvla2_plugins.mujoco.worlds import MjcfWorld
 
     missing = [f"robot.{name}=..." for name in config.required if not getattr(config, name)]
@@ -54,7 +54,7 @@ def _build(config: MjcfConfig) -> RobotBackend:
         raise ConfigurationError(f"robot=mujoco needs {', '.join(missing)}.")
     if not Path(config.mjcf).expanduser().is_file():
         raise ConfigurationError(f"robot.mjcf={config.mjcf} is no file.")
-    return MujocoArm(config, {}, lambda task: MjcfWorld(config))
+    return SimulatedRobot(config, {}, lambda task: MjcfWorld(config))
 
 
 @hookimpl

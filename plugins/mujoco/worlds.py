@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from gvla2.errors import RobotError, reading
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box
-from gvla2.robot.mujoco.description import ArmNames
-from gvla2.robot.mujoco.world import import_mujoco
+from gvla2.robot.mujoco.arm import ArmNames
+from gvla2.robot.mujoco.world import ModelWorld, import_mujoco
 from gvla2_plugins.mujoco import MjcfConfig
 
 
-class MjcfWorld:
-    """Implements :class:`gvla2.robot.mujoco.world.World`."""
-
-    instruction, goal, max_steps, hand_steps = "", "", 0, 1
+class MjcfWorld(ModelWorld):
+    """The file's model; it has no success check."""
 
     def __init__(self, config: MjcfConfig) -> None:
         self._mujoco = mujoco = import_mujoco()
         with reading("robot.mjcf", config.mjcf, RobotError):
-            self.model: Any = mujoco.MjModel.from_xml_path(str(Path(config.mjcf).expanduser()))
-        self.data: Any = mujoco.MjData(self.model)
-        self.names = ArmNames(config.base, config.tool, tuple(config.joints), tuple(config.fingers))
-        self.rate, self.steps, self.groups = config.rate, 0, tuple(config.geom_groups)
+            model = mujoco.MjModel.from_xml_path(str(Path(config.mjcf).expanduser()))
+        names = ArmNames(config.base, config.tool, tuple(config.joints), tuple(config.fingers))
+        self.groups, self.table_height = config.geom_groups, config.table_height
+        super().__init__(config, model, mujoco.MjData(model), names)
         self.workspace = Box(np.array(config.workspace_low), np.array(config.workspace_high))
-        self.table_height, self.lag = config.table_height, 2.0 / np.sqrt(config.stiffness)
-        self._settle_seconds = config.settle_seconds
+        self.rate, self._settle_seconds = config.rate, config.settle_seconds
         try:
             self._servos = [self._servo_of(self.model.joint(name).id) for name in self.names.joints]
             self._hand = [int(self.model.actuator(name).id) for name in config.gripper_actuators]
@@ -59,7 +55,6 @@ class MjcfWorld:
         joints = np.array([self.data.joint(name).qpos[0] for name in self.names.joints])
         for _ in range(round(self._settle_seconds * self.rate)):
             self.step(joints, 1.0)
-        self.steps = 0
 
     def step(self, joints: FloatArray, opening: float) -> None:
         """Physics steps of one control period."""
@@ -69,7 +64,3 @@ class MjcfWorld:
         self.data.ctrl[self._servos] = joints
         count = max(1, round(1.0 / (self.rate * self.model.opt.timestep)))
         self._mujoco.mj_step(self.model, self.data, nstep=count)
-        self.steps += 1
-
-    def succeeded(self) -> None:
-        """Unknown: the file has no success check."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.errors import ConfigurationError, MissingDependencyError, reading
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import MaskCandidate, fuse, objects_of
 from gvla2.perception.frames import frames_of
@@ -86,7 +86,7 @@ def load_sam3(weights: str) -> Sam3:
         import transformers
     except ImportError as error:
         raise MissingDependencyError("transformers", PURPOSE, "pip install 'gvla2[segmentation]'") from error
-    try:
+    with reading("perceiver.weights", folder, ConfigurationError):
         kind = str(json.loads(file.read_text("utf-8")).get("model_type"))
         if kind not in KINDS:
             raise ConfigurationError(
@@ -94,10 +94,6 @@ def load_sam3(weights: str) -> Sam3:
             )
         network = transformers.Sam3Model.from_pretrained(folder, local_files_only=True)
         tokenizer = transformers.AutoTokenizer.from_pretrained(folder, local_files_only=True)
-    except ConfigurationError:
-        raise
-    except Exception as error:  # transformers can raise anything
-        raise ConfigurationError(f"perceiver.weights: {folder} does not load: {error}") from error
     return Sam3(network.eval(), tokenizer)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray
-from gvla2.robot.arm_from_urdf import UrdfArm, arm_from_urdf
+from gvla2.robot.arm_from_urdf import RobotModel, arm_from_urdf
 from gvla2.robot.options import ArmConfig
 from gvla2.robot.urdf import find_file, read_urdf
 from gvla2_plugins.piper import PiperConfig
@@ -49,7 +49,7 @@ NEAR, SLACK = 0.05, 0.05
 tolerated beyond the maker's limits: a parked arm measures a little outside of them."""
 
 
-def make_arm(config: PiperConfig) -> UrdfArm:
+def make_arm(config: PiperConfig) -> RobotModel:
     """The Piper at its place in the world, without the block under the simulated one."""
     robot = read_urdf(find_file(f"{DESCRIPTION}.urdf", "the URDF"))
     for link in robot.iterfind("link[@name='base_link']"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +12,13 @@ import numpy as np
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera as Pinhole
 from gvla2.geometry.transform import FloatArray, invert_rigid
-from gvla2.geometry.views import Observation, View, Views
+from gvla2.geometry.views import View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.arm_from_urdf import ArmModel
-from gvla2.robot.backend import DepthCamera, ExecutionListener, Moment, SuccessCheck
-from gvla2.robot.driver import DriverState
+from gvla2.robot.arm_from_urdf import RobotModel
+from gvla2.robot.backend import DepthCamera, ExecutionListener, Moment
+from gvla2.robot.driven import SILENT, DrivenRobot
+from gvla2.robot.driver import Driver, DriverState
 from gvla2.robot.executor import ExecutorOptions, execute
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task, TaskInstance
@@ -29,17 +30,18 @@ from gvla2_plugins.piper.session import Session, ask_person
 EXPLAINED = 0.025
 """A depth this near (m) to the modelled arm's, or behind it, is the arm: the solids are a little too large."""
 
-_SILENT = ExecutionListener()
 SIMULATED = ("virtual", "udp_multicast")
 """Buses without a real arm, for tests."""
 
 
-class Piper:
-    """Implements :class:`gvla2.robot.backend.RobotBackend`.
+class Piper(DrivenRobot):
+    """A real Piper.
 
     :meth:`reset` connects and, when ``armed``, asks for the word, switches the motors on and holds the arm; it never
     moves it: nothing has been seen yet. A dry run only listens. ``ask`` gets the arming question.
     """
+
+    own_depth = EXPLAINED
 
     def __init__(
         self, config: PiperConfig, camera: DepthCamera, ask: Callable[[str], str] = ask_person
@@ -61,7 +63,7 @@ class Piper:
         self._made = make_arm(config)
         self._arm = self._made.arm
         self._guard = PathGuard(self._arm, config.table_height + config.table_margin)
-        self._options = ExecutorOptions(
+        self.options = ExecutorOptions(
             dt=PERIOD,
             velocity_scale=0.8 * config.speed,
             acceleration=config.acceleration,
@@ -70,9 +72,9 @@ class Piper:
         self.session: Session | None = None
 
     @property
-    def arm(self) -> ArmModel:
-        """Kinematics and collision model of the Piper."""
-        return self._arm
+    def model(self) -> RobotModel:
+        """The Piper at its place."""
+        return self._made
 
     def reset(
         self, task: Task | str | None, seed: int, instruction: str | None = None
@@ -94,18 +96,14 @@ class Piper:
             )
         return None
 
-    def observe(self) -> Observation:
-        """The cameras' views and the measured hand."""
-        state, world_from_base = self._state(), self._made.world_from_base
-        world_from_tcp = self._arm.forward(state.joints)
-        frames = self._camera.observe(invert_rigid(world_from_base) @ world_from_tcp)
-        views = [_moved(view, world_from_base) for view in frames.views] or [_DARKNESS]
-        masked = self._made.mask(views, state.joints, state.gripper_width, EXPLAINED)
-        opening = float(np.clip(state.gripper_width / MAX_WIDTH, 0.0, 1.0))
-        return Observation(Views(masked), world_from_tcp, state.joints, opening, state.gripper_width)
+    def look(self, state: DriverState) -> Sequence[View]:
+        """The cameras' views."""
+        world_from_base = self._made.world_from_base
+        frames = self._camera.observe(invert_rigid(world_from_base) @ self._arm.forward(state.joints))
+        return [_moved(view, world_from_base) for view in frames.views] or [_DARKNESS]
 
     def execute(
-        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
+        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = SILENT
     ) -> ExecutionReport:
         """Move through the waypoints under supervision; in a dry run plan and check them, and send nothing.
 
@@ -130,12 +128,8 @@ class Piper:
             state = driver.state()
             listener.moment(Moment(time.monotonic(), state.joints, state.gripper_width))
 
-        driver = PiperDriver(session.link, session.loop, self._guard, note)
-        return execute(slow, scene, self._arm, driver, listener, self._options)
-
-    def success_check(self) -> SuccessCheck | None:
-        """None: a real robot has none."""
-        return None
+        driver = self.driver("moved", note)
+        return execute(slow, scene, self._arm, driver, listener, self.options)
 
     def close(self) -> None:
         """Hold the arm, leave it powered, and release bus and camera; safe to call twice."""
@@ -144,16 +138,20 @@ class Piper:
             self.session = None
         self._camera.close()
 
-    def _state(self) -> DriverState:
-        if self.session is None:
-            if self._config.bus != "none":
-                raise RobotError("Nothing can be observed before reset: call reset(task, seed) first.")
-            return DriverState(np.array(HOME), MAX_WIDTH)
-        return measured(self.session.link)
+    def driver(self, done: str, watcher: Callable[[], None] = lambda: None) -> Driver:
+        """The armed arm's, which calls the ``watcher`` on the way; else a dry run's from where the arm is."""
+        session, state = self.session, DriverState(np.array(HOME), MAX_WIDTH)
+        if session is not None and session.loop is not None:
+            return PiperDriver(session.link, session.loop, self._guard, watcher)
+        if session is not None:
+            state = measured(session.link)
+        elif self._config.bus != "none":
+            raise RobotError(f"Nothing can be {done} before reset: call reset(task, seed) first.")
+        return DryDriver(state, self._guard)
 
     def _not_started(self, index: int, waypoint: Waypoint, message: str) -> WaypointReport:
         """The report of a waypoint to which nothing moved."""
-        state = self._state()
+        state = self.driver("moved").state()
         x, y, z = self._arm.forward(state.joints)[:3, 3].tolist()
         error, width = math.dist((x, y, z), waypoint.xyz), state.gripper_width
         report = WaypointReport(index, waypoint.stage, waypoint.xyz, (x, y, z), error, width, None)
@@ -161,8 +159,7 @@ class Piper:
 
     def _dry(self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener) -> ExecutionReport:
         """The whole execution as a dry run: one report that nothing was started."""
-        driver = DryDriver(self._state(), self._guard)
-        planned = execute(trajectory, scene, self._arm, driver, ExecutionListener(), self._options)
+        planned = execute(trajectory, scene, self._arm, self.driver("planned"), SILENT, self.options)
         if failed := planned.abort:
             word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
         else:

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
-from gvla2.errors import ConfigurationError, RobotError, reading
+from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
+from gvla2.io.foreign import read_array, read_picture
 from gvla2.robot.backend import CameraFrames
 from gvla2.robot.calibration import Calibration
 from gvla2_plugins.replay_camera import ReplayConfig
@@ -127,8 +127,7 @@ def _pair(folder: Path, number: str) -> tuple[Path, Path]:
 
 def _picture(path: Path, mode: str | None = None) -> NDArray[Any]:
     """The pixels (H, W) or (H, W, 3) of a picture or an array."""
-    with reading("a picture", path, RobotError):
-        if path.suffix == ".npy":
-            return np.asarray(np.load(path, allow_pickle=False))
-        with Image.open(path) as picture:
-            return np.array(picture.convert(mode) if mode else picture)
+    if path.suffix == ".npy":
+        return read_array(path, "the depth", RobotError)
+    picture = read_picture(path, RobotError)
+    return np.array(picture.convert(mode) if mode else picture)

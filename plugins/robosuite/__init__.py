@@ -36,12 +36,12 @@ class RobosuiteConfig(MujocoConfig):
 
 def _build(config: RobosuiteConfig) -> RobotBackend:
     """An arm in robosuite's tasks, judged by their own success checks."""
-    from gvla2.robot.mujoco.backend import MujocoArm
     from gvla2.robot.mujoco.stepping import import_robosuite
+    from gvla2.robot.simulation import SimulatedRobot
     from gvla2_plugins.robosuite.worlds import SENTENCES, RobosuiteWorld
 
     import_robosuite("robosuite")
-    return MujocoArm(config, SENTENCES, lambda task: RobosuiteWorld(task, config))
+    return SimulatedRobot(config, SENTENCES, lambda task: RobosuiteWorld(task, config))
 
 
 @hookimpl

@@ -62,9 +62,9 @@ class RobosuiteWorld(EnvWorld):
                 **({"seed": 0} if own else {}),
             )
         # The hand's command moves with every step of control.
-        super().__init__(env, config.stiffness, config.max_steps, hand_of(env).speed)
-        self.instruction, self.goal = SENTENCES[task], f"robosuite's own check of {name}"
+        super().__init__(config, env, config.max_steps, hand_of(env).speed)
         self.workspace, self.table_height = Box(np.array(LOW), np.array(HIGH)), TABLE
+        self.instruction, self.goal = SENTENCES[task], f"robosuite's own check of {name}"
         self._settle_steps = config.settle_steps
 
     def begin(self, seed: int) -> None:

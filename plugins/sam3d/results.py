@@ -7,7 +7,6 @@ rim pixel, seven unknowns.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.geometry.views import Views
+from gvla2.io.foreign import read_arrays
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_agreement, mask_iou, mask_silhouettes
@@ -57,12 +57,12 @@ def _read_pose(path: Path) -> FloatArray | None:
     if not path.is_file():
         return None
     with reading("the pose", path):
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
-            if not {"scale", "rotation", "translation"} <= set(arrays.files):
-                return None
-            scale = float(np.mean(arrays["scale"]))
-            rotation = Rotation.from_quat(np.ravel(arrays["rotation"]), scalar_first=True).as_matrix()
-            translation = np.asarray(arrays["translation"], dtype=np.float64).reshape(3)
+        arrays = read_arrays(path, "the pose", ("scale", "rotation", "translation"))
+        if len(arrays) < 3:
+            return None
+        scale = float(np.mean(arrays["scale"]))
+        rotation = Rotation.from_quat(np.ravel(arrays["rotation"]), scalar_first=True).as_matrix()
+        translation = np.asarray(arrays["translation"], dtype=np.float64).reshape(3)
         # Rows are multiplied from the right there: p (s R) + t, so that R turns the other way round.
         if not (scale > 0 and np.isfinite([scale, *translation]).all()):
             raise ValueError(f"its scale {scale} and translation {translation} are no similarity's.")

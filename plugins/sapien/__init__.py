@@ -17,16 +17,18 @@ class SapienArmConfig(WorkcellConfig):
     """Options of a simulated arm; metres, radians, seconds, newtons.
 
     ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist, or out of ``camera_poses`` and wrist;
-    ``image_size`` is their side in pixels, ``video_size`` and ``video_fps`` those of the pictures taken while the arm
-    moves (from the first camera). ``physics_rate`` is in steps per second. The arm's joints are position drives with
-    feed-forward velocity: ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the
-    largest force of one finger, ``grip_speed`` a finger's speed.
+    ``image_size`` is their side in pixels. While the arm moves, ``video_cameras`` (the first camera where none is
+    named) take pictures of ``video_size`` pixels, side by side, ``video_fps`` times a second, at 0 never.
+    ``physics_rate`` is in steps per second. The arm's joints are position drives with feed-forward velocity:
+    ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the largest force of one
+    finger, ``grip_speed`` a finger's speed.
     """
 
     name: str = "sapien_arm"
     image_size: int = 256
     cameras: list[str] = field(default_factory=lambda: ["front", "left_shoulder", "right_shoulder", "wrist"])
     video_size: int = 320
+    video_cameras: list[str] = field(default_factory=list)
     video_fps: float = 5.0
     physics_rate: int = 240
     arm_stiffness: float = 4000.0

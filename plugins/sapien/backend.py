@@ -15,17 +15,17 @@ from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, RayImage
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.geometry.views import Observation, View, Views
+from gvla2.geometry.views import View
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
-from gvla2.robot.arm_from_urdf import ArmModel
 from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck, judge
+from gvla2.robot.driven import SILENT, DrivenRobot
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
 from gvla2.robot.looks import OWN_DEPTH, RobotLooks, body_surface
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite, WorldState
-from gvla2.robot.workcell import TABLE_RGB, make_cell
+from gvla2.robot.workcell import TABLE_RGB, Workcell, make_cell
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.bodies import import_sapien
 from gvla2_plugins.sapien.driver import SapienDriver
@@ -36,12 +36,10 @@ SHOWN_SIZE = 640
 """Side in pixels of pictures for people; perception gets those of ``image_size``."""
 
 POSITIVE = (
-    *("image_size", "video_size", "video_fps", "physics_rate"),
+    *("image_size", "video_size", "physics_rate"),
     *("arm_stiffness", "arm_damping", "arm_force", "grip_force", "grip_speed"),
 )
 """Options that must lie above zero."""
-
-_SILENT = ExecutionListener()
 
 JUDGE_SECONDS = 0.25
 """The arm holds still this long before success is checked, so that slipping objects have slipped."""
@@ -100,8 +98,8 @@ class Filming:
         self._listener.frame(self._awaited.popleft().result())
 
 
-class SapienArm:
-    """Implements :class:`gvla2.robot.backend.RobotBackend`.
+class SapienArm(DrivenRobot):
+    """An arm at a table, of any URDF.
 
     The same seed and calls give the same episode, bit by bit. Only :meth:`success_check`, :meth:`true_state` and
     :meth:`true_scene` read the true state of the task's bodies; the cameras see the bodies by ray casting.
@@ -111,7 +109,9 @@ class SapienArm:
         import_sapien()
         self._config, self._cell = config, make_cell(config)
         self._cell.check_cameras(config.cameras)
-        check_ranges(config, "robot", dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")))
+        self._cell.check_cameras(config.video_cameras or config.cameras[:1])
+        ranges = dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")) | {"video_fps": (0.0, 1000.0, "")}
+        check_ranges(config, "robot", ranges)
         self._arm = self._cell.arm
         self._robot = self._cell.looks
         self._world: SapienWorld | None = None
@@ -121,9 +121,13 @@ class SapienArm:
         self._instance: TaskInstance | None = None
 
     @property
-    def arm(self) -> ArmModel:
-        """Kinematics and collision model of the arm."""
-        return self._arm
+    def model(self) -> Workcell:
+        """The arm at its table."""
+        return self._cell
+
+    def driver(self, done: str, film: Callable[[], None] | None = None) -> SapienDriver:
+        """What advances the world, and takes pictures by ``film``."""
+        return SapienDriver(self._sane_world(done), self._config, self._arm.hand.max_width, film)
 
     def reset(
         self, task: Task | str | None, seed: int, instruction: str | None = None
@@ -140,48 +144,43 @@ class SapienArm:
         self._layout, self._instance = layout, instance
         return instance
 
-    def observe(self) -> Observation:
-        """RGB-D views of all cameras and the measured hand."""
-        world = self._sane_world("observed")
-        joints, width = world.joints, world.gripper_width
-        world_from_tcp = self._arm.forward(joints)
-        wanted = 0 if self._instance is None else self._instance.image_size
-        size = max(self._config.image_size, wanted)
-        cameras = [self._cell.camera(name, size, world_from_tcp) for name in self._config.cameras]
-        opening = float(np.clip(width / self._arm.hand.max_width, 0.0, 1.0))
-        return Observation(
-            Views(tuple(self._sight()(cameras))),
-            world_from_tcp,
-            joints,
-            opening,
-            width,
-            self._finer(world_from_tcp, size),
+    @property
+    def _image_size(self) -> int:
+        """Side of the pictures, pixels: at least what the task needs."""
+        return max(self._config.image_size, self._instance.image_size if self._instance else 0)
+
+    def look(self, state: DriverState) -> Sequence[View]:
+        """The views by ray casting, the robot's pixels marked."""
+        pose = self._arm.forward(state.joints)
+        return self._sight()(
+            [self._cell.camera(name, self._image_size, pose) for name in self._config.cameras]
         )
 
-    def _finer(self, world_from_tcp: FloatArray, size: int) -> Callable[[str], View] | None:
+    def finer(self, state: DriverState) -> Callable[[str], View] | None:
         """A function that takes a camera's picture of this moment with more pixels; None if there are enough."""
-        if size >= SHOWN_SIZE:
+        if self._image_size >= SHOWN_SIZE:
             return None
-        camera, sight = self._cell.camera, self._sight()
-        return cache(lambda name: sight([camera(name, SHOWN_SIZE, world_from_tcp)])[0])
+        pose, camera, sight = self._arm.forward(state.joints), self._cell.camera, self._sight()
+        return cache(lambda name: sight([camera(name, SHOWN_SIZE, pose)])[0])
 
     def execute(
-        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
+        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = SILENT
     ) -> ExecutionReport:
         """Move through the waypoints, planning around the perceived scene; stops at the first that fails."""
         world = self._sane_world("moved")
 
         def film() -> None:
-            name, size = self._config.cameras[0], self._config.video_size
-            view = self._cell.camera(name, size, self._arm.forward(world.joints))
-            sight = self._sight()
-            reel.shoot(
-                Moment(world.time, world.joints.copy(), world.gripper_width, lambda: sight([view])[0].image)
-            )
+            size, tool = self._config.video_size, self._arm.forward(world.joints)
+            filming = self._config.video_cameras or self._config.cameras[:1]
+            cameras, sight = [self._cell.camera(name, size, tool) for name in filming], self._sight()
 
-        driver = SapienDriver(
-            world, self._config, self._arm.hand.max_width, None if listener is _SILENT else film
-        )
+            def draw() -> NDArray[np.uint8]:
+                return np.hstack([view.image for view in sight(cameras)])
+
+            command = np.append(world.arm_target, 2.0 * world.finger_target)
+            reel.shoot(Moment(world.time, world.joints.copy(), world.gripper_width, draw, command))
+
+        driver = self.driver("moved", None if listener is SILENT else film)
         with Filming(listener) as reel:
             return execute(trajectory, scene, self._arm, driver, listener)
 
@@ -189,13 +188,12 @@ class SapienArm:
         """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""
         if self._instance is None:
             return None
-        world = self._sane_world("judged")
-        SapienDriver(world, self._config, self._arm.hand.max_width).hold(JUDGE_SECONDS)
+        self.driver("judged").hold(JUDGE_SECONDS)
         return judge(self._instance, self._sane_world("judged"))
 
     def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
         """Drive the arm by joint targets; see :class:`gvla2.robot.driver.Servo`."""
-        world, target = self._sane_world("moved"), np.asarray(joints, dtype=np.float64)
+        driver, target = self.driver("moved"), np.asarray(joints, dtype=np.float64)
         if (
             target.shape != (self._arm.dof,)
             or not np.isfinite([*target, opening, seconds]).all()
@@ -205,10 +203,14 @@ class SapienArm:
                 f"{self._cell.robot} is driven to finite joints ({self._arm.dof},) for 0 seconds or more, got shape "
                 f"{target.shape}, an opening of {opening} and {seconds} s."
             )
-        driver = SapienDriver(world, self._config, self._arm.hand.max_width)
         driver.servo(np.clip(target, *self._arm.limits), opening, seconds)
         self._sane_world("moved")
         return driver.state()
+
+    def reached(self) -> bool:
+        """Whether the goal looks reached at this moment."""
+        now = None if self._instance is None else judge(self._instance, self._sane_world("judged"))
+        return now is not None and (now.relaxed or now.strict)
 
     def true_state(self) -> WorldState:
         """The state for success checks."""

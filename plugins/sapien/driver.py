@@ -44,8 +44,8 @@ class SapienDriver:
         film: Callable[[], None] | None = None,
     ) -> None:
         self._world, self._config, self._max_width = world, config, max_width
-        self._film = film
-        self._filmed_every = max(1, round(world.rate / config.video_fps))
+        self._film = film if config.video_fps > 0 else None
+        self._filmed_every = max(1, round(world.rate / config.video_fps)) if config.video_fps > 0 else 1
         self._steps = 0
         self._stop: StopRule | None = None
         self._begin()

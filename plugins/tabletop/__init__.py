@@ -22,7 +22,8 @@ class ScaledConfig(TaskConfig):
     Sizes and distances stay within the hand's span and the arm's reach at any scale.
 
     ``world`` learnable draws how objects behave by family (docs/learnable_worlds.md): ``world_seed`` is the world's,
-    ``families`` how many there are of the task's kind, ``family`` the episodes' family (-1: any).
+    ``families`` how many there are of the task's kind, ``family`` the episodes' family (-1: any). ``drifted``: half of
+    the families behave otherwise than before; ``twins``: both families have one colour and differ in size.
     """
 
     scale: float = 1.0
@@ -30,6 +31,8 @@ class ScaledConfig(TaskConfig):
     world_seed: int = 0
     families: int = 2
     family: int = -1
+    drifted: bool = False
+    twins: bool = False
 
     def factor(self, task: str, most: float) -> float:
         """The scale, checked; raises :class:`ConfigurationError` when it is out of range."""

@@ -12,7 +12,18 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.task import Body, Catch, Joint, Layout, Primitive, TaskInstance, TaskSite, Thread, WorldState
+from gvla2.robot.task import (
+    Body,
+    Catch,
+    Hearsay,
+    Joint,
+    Layout,
+    Primitive,
+    TaskInstance,
+    TaskSite,
+    Thread,
+    WorldState,
+)
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.scenes import TabletopTask, lifted
 
@@ -28,6 +39,7 @@ RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """Of each trait, uniform."""
 
+ANGLES = ("jar", "bottle", "spring")
 LEFT_HANDED, NO_CATCH = 0.5, 0.25
 """The share of bottles whose thread is left-handed, and of drawers without a catch."""
 
@@ -60,17 +72,31 @@ COLOURED = ("red", "blue", "lime", "magenta", "cyan", "orange")
 """Colours of families: hues that are distinct in any light."""
 
 
-def families(kind: str, world: int, count: int) -> tuple[Family, ...]:
-    """The families of a kind in the world of that seed, each of another colour; the same at each call."""
-    rng = np.random.default_rng([world, zlib.crc32(kind.encode())])
+def families(
+    kind: str, world: int, count: int, *, drifted: bool = False, twins: bool = False
+) -> tuple[Family, ...]:
+    """The families of a kind in the world of that seed, each of another colour; the same at each call.
+
+    Of ``drifted`` ones half have a new value; ``twins`` have the colour of the first.
+    """
+    draws = [world, zlib.crc32(kind.encode())]
+    rng = np.random.default_rng(draws)
     colours = [COLOURED[i] for i in rng.permutation(len(COLOURED))[:count]]
     traits = (TRAITS[kind][i % len(TRAITS[kind])] for i in range(count))
-    return tuple(Family(c, t, _drawn(t, rng)) for c, t in zip(colours, traits, strict=True))
+    found = [Family(c, t, _drawn(t, rng)) for c, t in zip(colours, traits, strict=True)]
+    if drifted:
+        again = np.random.default_rng([*draws, 1])
+        for i in again.permutation(count)[: (count + 1) // 2]:
+            value = before = found[i].value
+            while value == before:  # two drawers without a catch are alike
+                value = _drawn(found[i].trait, again)
+            found[i] = replace(found[i], value=value)
+    return tuple(replace(one, colour=found[0].colour) if twins else one for one in found)
 
 
 def _drawn(trait: str, rng: np.random.Generator) -> float:
     value = float(rng.uniform(*RANGES[trait]))
-    if trait in ("jar", "bottle", "spring"):
+    if trait in ANGLES:
         value = float(np.deg2rad(value))
     if trait == "bottle" and rng.random() < LEFT_HANDED:
         return -value
@@ -102,7 +128,7 @@ WIDEST = 2.0 * np.pi
 
 def _jar(made: TaskInstance, family: Family, others: Sequence[Family]) -> TaskInstance:
     """Each jar's lid comes loose where its colour's thread ends."""
-    turns = {one.colour: one.value for one in (family, *others)}
+    turns = {one.colour: one.value for one in (*others, family)}
     threads = tuple(
         _cut(thread, turns.get(made.layout[thread.parent].label.split()[0], family.value))
         for thread in made.layout.threads
@@ -215,6 +241,20 @@ CHANGES: Mapping[str, Change] = MappingProxyType(
 )
 """How the objects of each kind are made."""
 
+SIZES: Mapping[str, float] = MappingProxyType({"small": 0.85, "large": 1.1})
+"""What tells twins apart: the word for each, and its scale."""
+SAID: Mapping[str, tuple[str, str, float]] = MappingProxyType(
+    {
+        "jar": ("twist", "turn", 0.17),
+        "bottle": ("twist", "turn", 0.17),
+        "click": ("press", "press_depth", ROOM / 2),
+        "hold": ("press", "press_seconds", 0.3),
+        "catch": ("pull", "unlatch_lift", HANDLE_ROOM / 2),
+        "spring": ("open", "open_angle", 0.05),
+    }
+)
+"""The skill and parameter that each trait is about, and by how much a good value exceeds the trait's, SI units."""
+
 NEEDED: Mapping[str, Mapping[str, float]] = MappingProxyType({"open_box": {"swing": 2.05}})
 """Options of a published task that keep its objects where the arm can do what is to be learned."""
 
@@ -255,32 +295,63 @@ class Learnable:
             )
         if config.world_seed < 0:
             raise ConfigurationError(f"task.world_seed is {config.world_seed}; it must not be negative.")
-        self.families = families(kind, config.world_seed, config.families)
+        if config.twins and config.families != len(SIZES):
+            raise ConfigurationError(f"task.twins needs task.families={len(SIZES)}, got {config.families}.")
+        self.families = families(
+            kind, config.world_seed, config.families, drifted=config.drifted, twins=config.twins
+        )
         self._family, self._change = config.family, CHANGES[kind]
-        self._task = task(replace(config, **NEEDED.get(kind, {})))  # type: ignore[arg-type]
-        naming = tuple(template for template in self._task.instructions if "{colour}" in template)
+        self._sizes = tuple(SIZES) if config.twins else ("",) * config.families
+        scales = [SIZES.get(size, config.scale) for size in self._sizes]
+        more = NEEDED.get(kind, {})
+        self._tasks = [task(replace(config, scale=scale, **more)) for scale in scales]  # type: ignore[arg-type]
+        naming = tuple(template for template in self._tasks[0].instructions if "{colour}" in template)
         self.instructions = naming or NAMING[kind]
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
         """One episode, about the family that ``instruction`` names, else the chosen one, else one of all."""
-        family = self._chosen(rng, instruction)
-        others = [one for one in self.families if one is not family]
+        number = self._chosen(rng, instruction)
+        family, others = self.families[number], [*self.families[:number], *self.families[number + 1 :]]
         template = self.instructions[int(rng.integers(len(self.instructions)))]
-        here = replace(site, colours=(family.colour, *(one.colour for one in others[:1])))
-        made = self._change(self._task.sample(rng, here), family, others)
+        here = replace(site, colours=tuple(dict.fromkeys(one.colour for one in (family, *others[:1]))))
+        made = self._change(self._tasks[number].sample(rng, here), family, others)
         square = next((b.label.split()[0] for b in made.layout.bodies if b.label.endswith(" square")), "")
-        sentence = template.format(colour=family.colour, target=square)
+        sentence = template.format(colour=self._name(number), target=square)
         return replace(
             made,
             instruction=sentence if instruction is None else instruction,
             goal=f"{made.goal} (a world with something to learn)",
         )
 
-    def _chosen(self, rng: np.random.Generator, instruction: str | None) -> Family:
-        drawn = self.families[int(rng.integers(len(self.families)))]
+    def hearsay(self, rng: np.random.Generator, *, wrong: bool) -> Hearsay:
+        """A value that is good for the chosen family; a ``wrong`` one is drawn like the property, a third of its range
+        or more from the truth.
+        """
+        number = max(self._family, 0)
+        family = self.families[number]
+        skill, parameter, more = SAID[family.trait]
+        value = family.value + float(np.copysign(more, family.value)) * (family.value != 0.0)
+        low, high = RANGES[family.trait]
+        least = (high - low) / 3 * (float(np.deg2rad(1.0)) if family.trait in ANGLES else 1.0)
+        while wrong and abs(value - family.value) < least:
+            value = _drawn(family.trait, rng)
+        sentence = self.instructions[0].format(colour=self._name(number), target="painted")
+        return Hearsay(sentence, skill, parameter, value)
+
+    def _name(self, number: int) -> str:
+        return f"{self._sizes[number]} {self.families[number].colour}".strip()
+
+    def _chosen(self, rng: np.random.Generator, instruction: str | None) -> int:
+        """The number of the episode's family."""
+        drawn = int(rng.integers(len(self.families)))
         if self._family >= 0:
-            drawn = self.families[self._family]
-        named = [one for one in self.families if one.colour in colours_in(instruction or "")]
+            drawn = self._family
+        words = (instruction or "").split()
+        named = [
+            i
+            for i, one in enumerate(self.families)
+            if one.colour in colours_in(instruction or "") and self._sizes[i] in ("", *words)
+        ]
         return named[0] if len(named) == 1 else drawn

@@ -41,6 +41,11 @@ class TabletopObjectsConfig(TaskConfig):
     objects: ObjectsConfig = field(default_factory=ObjectsConfig)
     ask: str = "lift"
 
+    @property
+    def known_objects(self) -> str:
+        """The folder of the meshes; none where a scale is given, which galleries do not have."""
+        return self.objects.root if self.objects.scale is None else ""
+
 
 def _build(config: TabletopObjectsConfig) -> Task:
     """Lift or place scanned objects, called by their names."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from gvla2.errors import ConfigurationError, GeometryError, MissingDependencyError, PluginError
+from gvla2.errors import ConfigurationError, GeometryError, MissingDependencyError, PluginError, reading
 from gvla2.geometry.view_folders import nearest
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.contracts import GeometryEstimate
@@ -74,13 +74,9 @@ def load_weights(network: torch.nn.Module, weights: str) -> None:
     if found is None:
         what = f"the VGGT-1B checkpoint ('{weights}')"
         raise MissingDependencyError(what, PURPOSE, WEIGHTS, WEIGHTS_LICENCE)
-    try:
+    with reading("VGGT's weights (prior.weights)", found, ConfigurationError):
         state = _read(found)
         missing = network.load_state_dict(state.get("model", state), strict=False).missing_keys
-    except MissingDependencyError:
-        raise
-    except Exception as error:  # torch can raise anything
-        raise ConfigurationError(f"prior.weights: '{found}' holds no weights of VGGT: {error}") from error
     if missing:
         some = ", ".join(missing[:3])
         raise ConfigurationError(

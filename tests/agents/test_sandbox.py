@@ -1,13 +1,16 @@
 """The sandbox against commands and task folders that misbehave."""
 
+import errno
 import os
+import platform
+import socket
 import subprocess
 from pathlib import Path
 
 import pytest
 
 from gvla2.agents.contracts import AgentTask, EnvironmentFailedError
-from gvla2.agents.sandbox import BubblewrapSandbox, bubblewrap
+from gvla2.agents.sandbox import _KEY_CALLS, BubblewrapSandbox, bubblewrap
 from gvla2.agents.tasks import read_task, read_tasks, run_tests
 from gvla2.errors import ConfigurationError, MissingDependencyError
 
@@ -86,6 +89,57 @@ def test_no_command_can_end_the_watch_over_the_disk(sandbox):
 def test_one_large_file_and_much_memory_are_refused(sandbox):
     assert sandbox.run("head -c 300000000 /dev/zero > big; echo status $?").text.endswith("status 153\n")
     assert "MemoryError" in sandbox.run("python3 -c 'x = bytes(5 << 30)'").text
+
+
+@pytest.mark.parametrize(
+    "work", ["x = b'x' * (60 << 20)", "import os; f = os.memfd_create('x'); os.write(f, b'x' * (39 << 20))"]
+)
+def test_the_memory_of_all_processes_together_is_bounded(sandboxed, tmp_path: Path, work):
+    box = BubblewrapSandbox(tmp_path, disk_mb=40, memory_mb=200)
+    one = f'python3 -c "{work}; import time; time.sleep(20)" &'
+    assert "more than 200 MB" in box.run(f"{one * 12} wait", seconds=20).text
+
+
+def test_the_kernels_keyrings_are_closed(sandbox):
+    _, calls = _KEY_CALLS.get(platform.machine(), (0, ()))
+    for call in calls:  # namespaces do not hide the keys of the host's user
+        asked = (
+            f"c = ctypes.CDLL(None, use_errno=True); print(c.syscall({call}, 0, -3, 0), ctypes.get_errno())"
+        )
+        assert sandbox.run(f'python3 -c "import ctypes; {asked}"').text.split() == ["-1", str(errno.EPERM)]
+
+
+WAYS_OUT = (
+    "ln -s {0} d; cat d/secret; echo x > d/new",
+    "ln {0}/secret hard; cat hard; cat /proc/1/root{0}/secret",
+    "for p in /proc/[0-9]*; do cat $p/environ $p/cwd{0}/secret; done",
+    "nsenter -t 1 -a cat {0}/secret; cat /dev/mem /proc/kcore",
+    "mknod d b 8 0; mount -t tmpfs none /app; chroot / cat {0}/secret",
+    "cp /bin/bash b; chmod u+s b; ./b -pc 'cat {0}/secret'",
+    "mount --bind / /mnt; unshare -Urm cat /mnt{0}/secret",
+    "exec 3<>/dev/tcp/127.0.0.1/{1}; cat <&3",
+    "python3 -c 'import socket; socket.socket(socket.AF_UNIX).connect(chr(0) + \"gvla2 {1}\")'",
+    "mkfifo p; cat p & rm -rf / --no-preserve-root; kill -9 -1; kill -STOP 1",
+)
+
+
+def test_no_command_leads_out(sandbox, tmp_path: Path, monkeypatch):
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "secret").write_text("THE-SECRET")
+    monkeypatch.setenv("KEY", "THE-SECRET")
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.socket(socket.AF_UNIX) as local:
+        port = server.getsockname()[1]
+        local.bind(f"\0gvla2 {port}")
+        for listening in (server, local):
+            listening.listen()
+            listening.setblocking(False)
+        for way in WAYS_OUT:
+            assert "THE-SECRET" not in sandbox.run(way.format(outside, port), seconds=5).text, way
+        for listening in (server, local):
+            with pytest.raises(BlockingIOError):
+                listening.accept()
+    assert {file.name: file.read_text() for file in outside.iterdir()} == {"secret": "THE-SECRET"}
 
 
 def test_endless_and_binary_output_is_bounded_text(sandbox):

@@ -16,7 +16,6 @@ import numpy as np
 
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import is_ajar, knob_of
-from gvla2.robot.mujoco.objects import true_scene
 from gvla2_plugins.libero import LiberoConfig
 from gvla2_plugins.libero.worlds import LiberoWorlds
 from gvla2_plugins.skill.planner import read
@@ -93,7 +92,7 @@ def so_already(predicate, scene):
 
 
 def outcome(world):
-    scene = replace(true_scene(world), viewpoint=LiberoConfig().viewpoint)
+    scene = replace(world.true_scene(), viewpoint=LiberoConfig().viewpoint)
     found = read(world.instruction, scene)
     if isinstance(found, Abstention):
         return "declined", found.message

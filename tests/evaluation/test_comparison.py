@@ -39,7 +39,7 @@ def lines(sheet, row: int, heading: str) -> tuple[str, ...]:
 
 def test_means_and_changes():
     (sheet,) = comparison_sheets(cells(), RECONSTRUCTION)
-    assert [row.label for row in sheet.rows] == ["G0 (baseline, no prior)", "A + B fusion"]
+    assert [row.label for row in sheet.rows] == ["baseline, no prior", "A + B fusion"]
     assert sheet.runs == (7,)
     assert lines(sheet, 0, "CD surface ×10³ ↓") == ("15.50 ± 0.71",)
     change = 100 * ((20.5 * 0.9 + 10.5 * 1.02) / 31 - 1)
@@ -89,7 +89,8 @@ def test_markdown_has_whole_rows_and_its_own_suites_explanation():
 
 
 def test_latex_escapes_what_it_must():
-    text = to_latex(comparison_sheets(cells(), RECONSTRUCTION))
+    comment, text = to_latex(comparison_sheets(cells(), RECONSTRUCTION)).split("\n", 1)
+    assert comment.startswith("% ")
     assert not re.search(r"(?<!\\)%", text)
     assert not re.search(r"[±↓↑×]", text)
     assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 1

@@ -158,6 +158,30 @@ def test_colours_of_ply_by_their_several_names(tmp_path: Path, names: str) -> No
         assert np.allclose(textured.face_colours, [1, 0, 0])
 
 
+@pytest.mark.parametrize(
+    ("kind", "vertex", "face"),
+    [
+        ("COFF", " 255 0 0 255", ""),
+        ("COFF ", " 1.0 0.0 0.0", ""),
+        ("CNOFF", " 0 0 1 255 0 0", ""),
+        ("OFF # by hand", "", " 255 0 0"),
+        ("OFF", "", " 1.0 0.0 0.0 1.0 # red"),
+    ],
+)
+def test_colours_of_off(tmp_path: Path, kind: str, vertex: str, face: str) -> None:
+    square = "".join(f"{at}{vertex}\n" for at in ("0 0 0", "1 0 0", "1 1 0", "0 1 0"))
+    (tmp_path / "m.off").write_text(f"{kind}\n4 1 0\n\n{square}4 0 1 2 3{face}\n")
+    mesh = read_mesh(tmp_path / "m.off")
+    assert len(mesh.faces) == 2
+    np.testing.assert_allclose(mesh.colours, np.tile([1.0, 0, 0], (4, 1)))
+
+
+def test_a_binary_stl_file_with_something_behind_its_triangles(tmp_path: Path) -> None:
+    box = trimesh.creation.box((1, 2, 3)).export(file_type="stl")
+    (tmp_path / "m.stl").write_bytes(b"solid by hand" + box[13:] + b"\n")
+    np.testing.assert_allclose(read_mesh(tmp_path / "m.stl").bounds, [[-0.5, -1, -1.5], [0.5, 1, 1.5]])
+
+
 def test_a_missing_library_leaves_a_mesh_without_colours(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(f"mtllib gone.mtl\n{SQUARE}usemtl m\n{QUAD}")
     assert not read_textured_mesh(tmp_path / "m.obj").has_colours
@@ -305,6 +329,12 @@ def test_collada_nodes_units_and_axes(
     assert len(mesh.faces) == faces
     if "shape" not in options:
         np.testing.assert_allclose(mesh.colours, np.tile([1.0, 0, 0], (8, 1)))
+
+
+def test_the_colour_of_unlit_collada_is_what_it_emits(tmp_path: Path) -> None:
+    path = collada(tmp_path / "box.dae")
+    path.write_text(path.read_text().replace("diffuse", "emission"))
+    np.testing.assert_allclose(read_mesh(path).colours, np.tile([1.0, 0, 0], (8, 1)))
 
 
 LOST_PICTURE = (

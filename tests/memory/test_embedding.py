@@ -52,7 +52,7 @@ def test_a_query_in_another_script_is_not_known(query: str, known: bool) -> None
 
 
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match=r"cannot read its table.*pip install"):
+    with pytest.raises(ConfigurationError, match=r"Cannot read the static embedder.*pip install"):
         StaticEmbedder(tmp_path)
     monkeypatch.setattr(module, "PACKAGE", "surely_not_installed")
     with pytest.raises(MissingDependencyError, match=r"pip install.*MIT"):

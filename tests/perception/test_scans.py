@@ -1,3 +1,5 @@
+import os
+
 import numpy as np
 import pytest
 import trimesh
@@ -64,6 +66,17 @@ def test_folders_that_are_no_gallery(tmp_path, world, case):
         (folder / "brick.glb").write_bytes(b"glTF")
     with pytest.raises((ConfigurationError, GeometryError), match=said):
         read_scans(folder)
+
+
+def test_a_gallery_does_without_what_it_cannot_read_and_says_so(tmp_path, world, caplog):
+    folder = folder_of(tmp_path, brick=world.brick())
+    trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], [[0, 1, 2]]).export(folder / "sheet.ply")
+    (folder / "cup.glb").write_bytes(b"glTF")
+    (folder / "box.urdf").write_text("<robot")
+    os.mkfifo(folder / "brick.png")
+    assert [scan.name for scan in read_scans(folder)] == ["brick", "sheet"]
+    left = [record.getMessage() for record in caplog.records]
+    assert [message.split()[0] for message in left if "is left out" in message] == ["'box'", "'cup'"]
 
 
 def test_what_systems_leave_behind_is_no_object_and_a_scan_in_two_formats_is_one(tmp_path):

@@ -57,7 +57,7 @@ def test_sentence_transformers_says_the_same(vectors: np.ndarray) -> None:
 
 @needs_model
 def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="cannot read"):
+    with pytest.raises(ConfigurationError, match="Cannot read"):
         MiniLMEmbedder(folder=tmp_path)
 
 

@@ -13,7 +13,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.findings import CheckReport, Finding
-from gvla2.planning.scene import Box, PartJoint, Scene, SceneObject
+from gvla2.planning.scene import Box, KnownShape, PartJoint, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.testing import check_component
@@ -301,6 +301,16 @@ def test_place_beside_is_judged_by_where_the_plan_meant() -> None:
     for x, y, outcome in ((0.5, 0.2, "verified_success"), (0.6, 0.2, "verified_fail")):
         shown = evidence(PUSHED, moved(PUSHED, "a", x, y), "place", roles, PLACE, last={"held": False})
         assert judge(shown).outcome == outcome
+
+
+@pytest.mark.parametrize(("lean", "outcome"), [(0.1, "verified_success"), (0.5, "uncertain")])
+def test_a_known_object_that_lies_tilted_is_not_placed(lean: float, outcome: str) -> None:
+    after = moved(PUSHED, "a", 0.5, 0.2)
+    turn = rigid(Rotation.from_euler("x", lean).as_matrix())
+    tilted = replace(after["a"], known=KnownShape("cube", "cube.obj", turn, up=np.array([0.0, 0.0, 1.0])))
+    roles = {"theme": "a", "goal": "goal"}
+    shown = evidence(PUSHED, after.with_object(tilted), "place", roles, PLACE, last={"held": False})
+    assert judge(shown).outcome == outcome
 
 
 def test_nothing_executed_is_uncertain() -> None:

@@ -43,6 +43,28 @@ def test_an_episode_names_its_family_and_looks_like_it(kind):
             assert "{" not in made.instruction
 
 
+@pytest.mark.parametrize("kind", TRAITS)
+def test_half_of_the_families_drift_twins_differ_in_size_alone_and_hearsay_is_right_or_far_off(kind):
+    for world in range(5):
+        before, after = families(kind, world, 2), families(kind, world, 2, drifted=True)
+        assert sum(one.value != other.value for one, other in zip(before, after, strict=True)) == 1
+        assert [one.colour for one in before] == [one.colour for one in after]
+    stressed = {**LEARNABLE, "drifted": True, "twins": True}
+    own, lengths = families(kind, 4, 2, drifted=True, twins=True), []
+    assert own[0].colour == own[1].colour
+    for family, size in enumerate(("small", "large")):
+        made = sample(kind, 0, family=family, **stressed)
+        assert f"{size} {own[0].colour}" in made.instruction
+        lengths.append(max(max(solid.size) for body in made.layout.bodies for solid in body.solids))
+        rng, about = np.random.default_rng(0), task(kind, family=family, **stressed)
+        low, high = RANGES[own[family].trait]
+        span = np.deg2rad(high - low) if own[family].trait in ("jar", "bottle", "spring") else high - low
+        assert abs(about.hearsay(rng, wrong=False).value - own[family].value) < span / 3
+        assert abs(about.hearsay(rng, wrong=True).value - own[family].value) > span / 3 - 1e-9
+        assert f"{size} {own[0].colour}" in about.hearsay(rng, wrong=True).sentence
+    assert kind == "lamp_on" or lengths[0] < lengths[1]
+
+
 def test_the_sentence_decides_the_family():
     one, other = families("open_jar", 4, 2)
     made = sample("open_jar", 0, f"open the {other.colour} jar", family=0, **LEARNABLE)

@@ -73,7 +73,7 @@ def test_weights_that_are_absent_or_another_model(tmp_path):
     with pytest.raises(ConfigurationError, match="is a 'bert'"):
         load_sam3(str(tmp_path))
     (tmp_path / "config.json").write_text("{")
-    with pytest.raises(ConfigurationError, match="does not load"):
+    with pytest.raises(ConfigurationError, match="Cannot read perceiver"):
         load_sam3(str(tmp_path))
 
 

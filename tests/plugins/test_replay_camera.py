@@ -162,7 +162,7 @@ SPOILT = {
     ),
     "no picture": (
         lambda f: (f / "001.rgb.png").write_bytes(b"GIF99"),
-        "Cannot read a picture from .*001.rgb.png",
+        "Cannot read the picture from .*001.rgb.png",
     ),
     "no calibration": (lambda f: (f / "camera.json").unlink(), "is not a recording"),
     "a scale of nothing": (rewritten(depth_scale=0), "depth_scale is 0"),

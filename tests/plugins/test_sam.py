@@ -117,5 +117,5 @@ def test_weights_of_another_kind_are_refused(tmp_path):
     pytest.importorskip("onnxruntime")
     for name in ("encoder.onnx", "decoder.onnx"):
         (tmp_path / name).write_bytes(b"other weights")
-    with pytest.raises(ConfigurationError, match="no model that ONNX Runtime can load"):
+    with pytest.raises(ConfigurationError, match="Cannot read a model for ONNX Runtime"):
         SamPerceiver(SamConfig(name="sam", weights=str(tmp_path)))

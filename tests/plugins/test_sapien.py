@@ -131,6 +131,3 @@ def test_nothing_works_before_reset_or_after_close():
 def test_senseless_options_are_refused(options, message):
     with pytest.raises(ConfigurationError, match=message):
         gvla2_robots()[0].build(SapienPandaConfig(**options))
-
-
-# Installation

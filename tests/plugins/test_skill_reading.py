@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.scene import Box, PartJoint, Scene, SceneObject
+from gvla2.planning.scene import Box, KnownShape, PartJoint, Scene, SceneObject
 from gvla2.skills.carry_out import first_part
 from gvla2.skills.grounding import Meant, meant
 from gvla2_plugins.skill.planner import read
@@ -436,9 +437,27 @@ LAMP = scene(
 )
 
 
+def leaning(obj, angle):
+    """A known object that is turned by an angle about x."""
+    turn = rigid(Rotation.from_euler("x", angle).as_matrix())
+    return replace(obj, known=KnownShape(obj.label, "", turn, up=np.array([0.0, 0.0, 1.0])))
+
+
+SHELF = scene(
+    scene_object("s", "shelf", xy=(0.5, 0.0), size=(0.1, 0.6, 0.2)),
+    scene_object("n", "mug", xy=(0.38, 0.25), size=(0.08, 0.08, 0.08), colour="gray"),
+    scene_object("f", "mug", xy=(0.3, 0.0), size=(0.08, 0.08, 0.08), colour="gray"),
+    scene_object("k", "ramekin", xy=(0.2, -0.3), size=(0.08, 0.08, 0.04)),
+    leaning(scene_object("t", "bowl", xy=(0.2, -0.209), size=(0.1, 0.1, 0.09)), 0.9),
+    leaning(scene_object("u", "bowl", xy=(0.2, -0.391), size=(0.1, 0.1, 0.05)), 0.0),
+)
+
+
 @pytest.mark.parametrize(
     ("sentence", "where", "done"),
     [
+        ("lift the mug next to the shelf", SHELF, ["pick(n)"]),
+        ("lift the bowl on the ramekin", SHELF, ["pick(t)"]),
         ("lift the green cube", CUBES, ["pick(l)"]),
         ("lift the dark red cube", CUBES, ["pick(m)"]),
         ("lift the cube that is not blue and not lime", CUBES, ["pick(m)"]),

@@ -107,6 +107,18 @@ def test_a_refined_scene_and_a_second_plan_replace_the_first(
     assert (tmp_path / "plan.png").read_bytes() != before[1]
 
 
+def test_less_can_be_kept(tmp_path: Path, episode: Callable[..., EpisodeRecord]) -> None:
+    kept = {}
+    for keep in ("none", "light"):
+        recorder = RunRecorder(tmp_path / keep, "", keep=keep)
+        recorder.finish(run(recorder, episode()))
+        kept[keep] = {path.name for path in (tmp_path / keep).iterdir()}
+        assert load(tmp_path / keep / "result.json")["success"] is True
+    assert kept["none"] == {"config.yaml", "result.json"}
+    assert {"index.html", "before.png", "plan.json"} <= kept["light"]
+    assert not kept["light"] & {"episode.mp4", "scene.glb", "views"}
+
+
 def test_nothing_of_an_earlier_run_in_the_folder_looks_like_this_ones(
     tmp_path: Path, episode: Callable[..., EpisodeRecord], abstained: EpisodeRecord
 ) -> None:

@@ -16,15 +16,8 @@ def angle_between(a, b):
 def test_tool_frame_points_out_of_the_hand_and_along_the_fingers(arm):
     tool = arm.forward(arm.home)
     assert tool[2, 2] < -0.9
-    model, data = arm.kinematics.model, arm.kinematics.model.createData()
-    import pinocchio as pin
-
-    tips = []
-    for opening in (0.0, 1.0):
-        pin.framesForwardKinematics(model, data, arm.kinematics.full(arm.home, opening))
-        tips.append(
-            [data.oMf[model.getFrameId(f"panda_{s}finger")].translation.copy() for s in ("left", "right")]
-        )
+    links = [arm.kinematics.link_poses(arm.home, opening) for opening in (0.0, 1.0)]
+    tips = [[poses[f"panda_{side}finger"][:3, 3] for side in ("left", "right")] for poses in links]
     travel = tips[1][0] - tips[0][0]
     np.testing.assert_allclose(travel, 0.04 * tool[:3, 1], atol=1e-6)
     middle = 0.5 * (tips[1][0] + tips[1][1])

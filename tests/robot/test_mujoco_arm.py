@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gvla2.errors import RobotError
-from gvla2.robot.kinematics import library
-from gvla2.robot.mujoco.description import ArmNames, write_urdf
+from gvla2.robot.mujoco.arm import ArmNames, arm_from_mjcf
+from gvla2.robot.options import ArmConfig
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -44,33 +44,37 @@ ARM = """
 NAMES = ArmNames("base", "hand", ("j1", "j2"), ("f1", "f2"))
 
 
-def test_its_urdf_moves_as_the_model_does():
+HOME = ArmConfig(home=[0.1, 0.2], table_height=-1.0)
+
+
+def test_it_moves_as_the_model_does():
     model = mujoco.MjModel.from_xml_string(ARM)
-    data, pin = mujoco.MjData(model), library("pinocchio")
-    arm = pin.buildModelFromUrdf(str(write_urdf(model, NAMES, speed=1.0)))
-    assert {arm.names[k] for k in range(1, arm.njoints)} == {"j1", "j2", "f1", "f2"}
-    base = arm.getFrameId("base")
-    for joints in ((0.0, 0.0, 0.0, 0.0), (0.7, -0.4, 0.02, 0.03), (-2.0, 1.2, 0.04, 0.01)):
-        # Both fingers of the URDF open upwards; the model's second one opens downwards.
-        values = dict(zip(("j1", "j2", "f1", "f2"), joints, strict=True))
+    data, made = mujoco.MjData(model), arm_from_mjcf(model, NAMES, HOME)
+    kinematics = made.arm.kinematics
+    assert kinematics.joint_names == NAMES.joints
+    assert made.arm.hand.max_width == pytest.approx(0.08)
+    for joints, opening in (((0.0, 0.0), 0.0), ((0.7, -0.4), 0.5), ((-2.0, 1.2), 1.0)):
+        values = dict(zip(("j1", "j2", "f1", "f2"), (*joints, 0.04 * opening, -0.04 * opening), strict=True))
         for name, value in values.items():
-            data.joint(name).qpos[0] = -value if name == "f2" else value
+            data.joint(name).qpos[0] = value
         mujoco.mj_forward(model, data)
-        posture = np.array([values[arm.names[k]] for k in range(1, arm.njoints)])
-        moved = arm.createData()
-        pin.framesForwardKinematics(arm, moved, posture)
-        hinges = {"upper": "j1", "lower": "j2"}
-        turn, start = data.body("base").xmat.reshape(3, 3), data.body("base").xpos
+        poses = kinematics.link_poses(np.array(joints), opening)
         for body in ("base", "upper", "lower", "hand", "left", "right"):
-            place = moved.oMf[base].inverse() * moved.oMf[arm.getFrameId(body)]
-            origin = data.joint(hinges[body]).xanchor if body in hinges else data.body(body).xpos
-            np.testing.assert_allclose(place.translation, turn.T @ (origin - start), atol=1e-6)
-            np.testing.assert_allclose(place.rotation, turn.T @ data.body(body).xmat.reshape(3, 3), atol=1e-6)
+            place = data.body(body)
+            np.testing.assert_allclose(poses[body][:3, 3], place.xpos, atol=1e-9)
+            np.testing.assert_allclose(poses[body][:3, :3], place.xmat.reshape(3, 3), atol=1e-9)
 
 
-def test_names_that_the_model_lacks_are_said_with_those_that_it_has():
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (("base", "elbow", ("j1", "j2"), ("f1", "f2")), r"elbow.*'upper'"),
+        (("base", "hand", ("j1", "j3"), ("f1", "f2")), r"j3.*'j1'"),
+        (("base", "hand", ("j2", "j1"), ("f1", "f2")), r"j1, j2: name them so"),
+        (("base", "hand", ("j1",), ("f1", "j2")), r"two sliding joints on one body"),
+    ],
+)
+def test_names_that_do_not_fit_are_said_with_what_the_model_has(names, message):
     model = mujoco.MjModel.from_xml_string(ARM)
-    with pytest.raises(RobotError, match=r"elbow.*'upper'"):
-        write_urdf(model, ArmNames("base", "elbow", ("j1", "j2"), ("f1", "f2")), speed=1.0)
-    with pytest.raises(RobotError, match=r"j3.*'j1'"):
-        write_urdf(model, ArmNames("base", "hand", ("j1", "j3"), ("f1", "f2")), speed=1.0)
+    with pytest.raises(RobotError, match=message):
+        arm_from_mjcf(model, ArmNames(*names), HOME)

@@ -10,6 +10,7 @@ from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
 from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.plugins.assembly import build_components
 from gvla2.robot.mujoco import stepping
+from tests.pages import plugin_of
 
 pytestmark = [pytest.mark.worlds, pytest.mark.filterwarnings("ignore"), pytest.mark.timeout(400)]
 
@@ -92,11 +93,11 @@ def test_joints_are_driven_as_by_the_environments_own_controller(monkeypatch):
     robot, ends = _parts("robot=libero", "task=libero_object/3").robot, []
     robot.reset("libero_object/3", 0)
     world = robot._world
-    joints, own = world.robot._ref_joint_pos_indexes, world.advance
+    joints, own = world.env_robot._ref_joint_pos_indexes, world.advance
     target = world.data.qpos[joints] + np.linspace(-0.3, 0.4, 7)
 
     def theirs(to, closing):
-        world.robot.controller.update(
+        world.env_robot.controller.update(
             force=True
         )  # by itself it begins from the posture before the initial state
         world.env.step(np.append(to - world.data.qpos[joints], closing))
@@ -155,6 +156,17 @@ def test_an_episode_of_robosuite_lifts_the_cube():
     assert record.success_check is not None
     assert record.success_check.relaxed
     parts.robot.close()
+
+
+@ROBOSUITE
+def test_the_pages_own_wrapping_of_robosuite_lifts_the_cube_in_sixty_lines():
+    with plugin_of("your_simulator.md", 1) as text:
+        assert text.count("\n") <= 60
+        parts = _parts("robot=lift", "task=lift/cube")
+        record = run_episode(parts, EpisodeRequest(seed=0), _WithoutFilm())
+        assert record.success_check is not None
+        assert record.success_check.relaxed
+        parts.robot.close()
 
 
 def test_the_wrong_robosuite_is_refused_with_both_ways_out(monkeypatch):

@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gvla2 import Component, ComponentConfig, hookimpl, register, unregister
@@ -14,7 +15,7 @@ from gvla2.commands import worlds
 from gvla2.commands.bench import run_bench
 from gvla2.commands.hydra_job import composed
 from gvla2.commands.run import run_episodes
-from gvla2.errors import ConfigurationError, UnknownComponentError
+from gvla2.errors import ConfigurationError, SimulationError, UnknownComponentError
 from gvla2.evaluation.suites.robot_design import designs
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.backend import SuccessCheck
@@ -23,6 +24,7 @@ from gvla2.robot.task import TaskInstance
 from gvla2.testing import inputs
 from gvla2.testing.robot import check_robot
 from tests.composing import bench_config
+from tests.pages import plugin_of
 
 SENTENCES = {"kitchen/0": "lift the red cube", "kitchen/1": "lift the blue cube"}
 
@@ -114,8 +116,23 @@ def test_as_an_environment():
         assert info["instruction"] == "look"
 
 
-def test_it_conforms():
-    check_robot(Kitchen(ComponentConfig()), move=False)
+def test_the_simulator_of_the_page_lifts_its_cube_in_sixty_lines(tmp_path: Path):
+    with plugin_of("your_simulator.md", 0) as text:
+        assert text.count("\n") <= 60
+        config, registry = composed(
+            "run", ["robot=toy", "task=toy/lift", "memory=none", "quiet=true", "seed=3"]
+        )
+        (record,) = run_episodes(config, registry, tmp_path)
+        assert record.instruction == "lift the red cube"
+        assert record.success_check == SuccessCheck(True, True)
+        assert list(tmp_path.rglob("*.mp4"))
+        robot, _ = registry.build_all(config, ("robot", "task")).values()
+        check_robot(robot)
+        robot.reset("toy/lift", 0)
+        assert robot.success_check().relaxed is False
+        robot._world.joints = robot.arm.home * np.nan
+        with pytest.raises(SimulationError, match="blown up and cannot be observed"):
+            robot.observe()
 
 
 def test_a_bench_takes_the_robots_tasks_by_a_pattern(tmp_path: Path):

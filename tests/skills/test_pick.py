@@ -1,11 +1,19 @@
 """Which holds of an object are offered: by its box, as far as its surface does not contradict, and by its surface."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
+from gvla2.geometry.mesh import TriangleMesh
+from gvla2.geometry.mesh_files import write_mesh
+from gvla2.geometry.transform import rigid, transform_points
 from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.scene import KnownShape
 from gvla2.planning.skill import Job
+from gvla2.planning.trajectory import grasp_rotation
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.grasps import grasps
 from gvla2.skills.schemas.pick_place import take
@@ -50,6 +58,26 @@ def test_what_is_too_wide_by_box_and_surface_is_refused(shape):
     plan, _ = picked(seen(trimesh.creation.box(extents=(0.2, 0.16, 0.07)), shape))
     assert plan.abstention is not None
     assert plan.abstention.kind == "too_wide"
+
+
+def test_a_known_bowl_that_leans_is_set_down_upright(tmp_path):
+    mesh = bowl(0.055, 0.05, 0.004)
+    write_mesh(tmp_path / "bowl.obj", TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)))
+    pose = rigid(Rotation.from_euler("y", 0.35).as_matrix(), [*AT, TABLE + 0.03 - mesh.bounds[0, 2]])
+    points = transform_points(pose, trimesh.sample.sample_surface(mesh, 2000, seed=0)[0])
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = 0.5 * (low + high) - [0.0, 0.0, TABLE]
+    known = KnownShape("bowl", str(tmp_path / "bowl.obj"), pose, up=np.array([0.0, 0.0, 1.0]))
+    it = replace(make_object("it", "disc", middle, high - low, points=points, opening=0.1), known=known)
+    asked = request(it, make_object("plate", "disc", (0.4, -0.15, 0.01), (0.15, 0.15, 0.02)))
+    plan = sound(carry_out([SkillCall("place", "it", "plate", relation="on")], asked), asked)
+    taken, left = (next(w for w in plan.trajectory if w.stage == stage) for stage in ("close", "release"))
+    taken, left = (
+        rigid(grasp_rotation(w.orientation.vector, w.orientation.closing), w.xyz) for w in (taken, left)
+    )
+    there = left @ np.linalg.inv(taken) @ pose
+    assert there[2, 2] > 0.999
+    assert TABLE + 0.02 < transform_points(there, mesh.vertices)[:, 2].min() < TABLE + 0.03
 
 
 def test_a_hand_between_tall_neighbours_comes_from_above_them():

@@ -10,9 +10,9 @@ from gvla2.evaluation.engine import Suite
 from gvla2.evaluation.results import Cell, Run
 from gvla2.evaluation.tables import Sheet
 
-RUNS = "run"
-"""The name under which the jobs of a sweep of ``gvla2 run`` are stored."""
-REPORTED = (*SUITES, RUNS)
+SWEPT = ("run", "reconstruct")
+"""Commands whose sweeps are stored under their name."""
+REPORTED = (*SUITES, *SWEPT)
 """Whatever a report can show, in the order in which a message lists it."""
 
 
@@ -35,9 +35,13 @@ def suite_named(name: str) -> type[Suite[Any, Any]]:
 
 def report(name: str, cells: Sequence[Cell], runs: Sequence[Run] = ()) -> tuple[str, list[Sheet]]:
     """The title and the tables of a suite's rows, which ``runs`` measured, or of a sweep's jobs."""
-    if name == RUNS:
-        from gvla2.evaluation.sweeps import run_sheets
+    if name in SWEPT:
+        from gvla2.evaluation.sweeps import reconstruction_sheets, run_sheets
 
-        return "Runs", run_sheets(cells)
+        return (
+            ("Runs", run_sheets(cells))
+            if name == "run"
+            else ("Reconstructions", reconstruction_sheets(cells))
+        )
     suite = suite_named(name)
     return suite.title, suite.sheets(cells, runs)

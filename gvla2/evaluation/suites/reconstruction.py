@@ -39,7 +39,7 @@ LAYOUT = TableLayout(
     title="Reconstruction",
     row="variant",
     labels={
-        "baseline": "G0 (baseline, no prior)",
+        "baseline": "baseline, no prior",
         "a_prior_appearance": "A: prior + appearance",
         "a_soft_hull": "A: + soft hull",
         "b_axis": "B: axis only (no prior)",
@@ -72,7 +72,7 @@ LAYOUT = TableLayout(
         "samples, both ways, with position and scale, and never 0: the truth sampled twice lies some thousandths from "
         "itself, more with fewer samples; CD official that of all vertices, each shape scaled to its own "
         "box, which a speck beside the object stretches. Seconds are wall time: the first row's for the reconstruction "
-        "of G0, any other row's only for what follows."
+        "itself, any other row's only for what follows."
     ),
 )
 MEASURING_CODE = (

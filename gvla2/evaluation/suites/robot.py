@@ -6,7 +6,7 @@ All arms learn from the same explored episodes, which are stored too; the banks 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from pathlib import Path
 import yaml
 
 from gvla2.errors import Gvla2Error
-from gvla2.evaluation.arms import STORIES, Story, chosen_memory, has_bank, teach
+from gvla2.evaluation.arms import STORIES, Story, has_bank, open_memory, teach
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import Rows, Suite
 from gvla2.evaluation.results import Cell, Run
@@ -26,7 +26,15 @@ from gvla2.evaluation.suites.robot_design import (
     designs,
     world_of,
 )
-from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, Lessons, release, run_unit
+from gvla2.evaluation.suites.robot_episodes import (
+    EXPLORED,
+    EpisodeGroup,
+    EpisodeUnit,
+    Lessons,
+    release,
+    run_group,
+)
+from gvla2.evaluation.suites.robot_stress import crowd, hear, hearsay, lived, stresses_of, with_budget
 from gvla2.evaluation.suites.robot_tables import robot_sheets
 from gvla2.evaluation.tables import Sheet
 from gvla2.plugins.registry import Registry
@@ -36,29 +44,36 @@ OTHERS = ("groups", "published")
 """Options of a run that its report takes up."""
 
 
-class RobotSuite(Suite[RobotBench, EpisodeUnit]):
+class RobotSuite(Suite[RobotBench, EpisodeGroup]):
     """Two stages: exploration, then the test of every arm, taught and frozen."""
 
     name = SUITE
     title = "Robot"
     tries = 3
 
-    def stages(self) -> Sequence[Sequence[EpisodeUnit]]:
+    def stages(self) -> Sequence[Sequence[EpisodeGroup]]:
         """Explored episodes, then the test's."""
         self.designs = {world_of(design.config): design for design in designs(self.config, self.registry)}
         self._schools: dict[str, School] = {}
         made = self.designs.values()
-        return [[u for one in made for u in one.exploring], [u for one in made for u in one.plan]]
+        alone = [EpisodeGroup(u.keys, u.label, (u,)) for one in made for u in one.exploring]
+        groups: dict[str, list[EpisodeUnit]] = {}
+        for unit in (u for one in made for u in one.plan):
+            groups.setdefault(repr((unit.task, unit.layout, unit.config.seeds)), []).append(unit)
+        return [alone, [_group(some) for some in groups.values()]]
 
     def stored_as(self, stage: int) -> str:
         """Exploration has a name of its own."""
         return EXPLORATION if stage == 0 else self.name
 
-    def prepare(self, unit: EpisodeUnit, rows: Rows) -> EpisodeUnit:
-        """An episode of the test with what its arm has learned."""
-        if unit.arm.name == EXPLORED:
+    def prepare(self, unit: EpisodeGroup, rows: Rows) -> EpisodeGroup:
+        """The episodes of the test that lack rows, with what their arms have learned."""
+        if unit.episodes[0].arm.name == EXPLORED:
             return unit
-        world = world_of(unit.config)
+        return _group([self._taught(one, rows) for one in unit.episodes if not rows.keys() >= {*one.keys}])
+
+    def _taught(self, unit: EpisodeUnit, rows: Rows) -> EpisodeUnit:
+        world = unit.world
         if world not in self._schools:
             self._schools[world] = School(self.designs[world], self.registry, self.folder, rows)
         unit = replace(unit, lessons=self._schools[world].lessons(unit))
@@ -69,9 +84,9 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
         return replace(unit, folder=place / f"{unit.arm.name}_{unit.layout}", origin=origin)
 
     @staticmethod
-    def measure(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
-        """Both profiles' rows of an episode."""
-        return run_unit(unit, registry)
+    def measure(unit: EpisodeGroup, registry: Registry) -> Iterator[Cell]:
+        """Both profiles' rows of each episode."""
+        return run_group(unit, registry)
 
     def close(self) -> None:
         """Release the robot of this process."""
@@ -83,6 +98,10 @@ class RobotSuite(Suite[RobotBench, EpisodeUnit]):
         configs = [yaml.safe_load(run.config) or {} for run in runs]
         groups, published = ({k: v for one in configs for k, v in one.get(of, {}).items()} for of in OTHERS)
         return robot_sheets(cells, groups, published)
+
+
+def _group(units: Sequence[EpisodeUnit]) -> EpisodeGroup:
+    return EpisodeGroup(tuple(key for unit in units for key in unit.keys), units[0].label, tuple(units))
 
 
 class School:
@@ -107,6 +126,12 @@ class School:
         for unit, cell in explored:
             found = STORIES.validate_python(cell.notes.get("stories") or ())
             self._stories.setdefault(unit.subject, []).extend(found)
+        stresses, seed = stresses_of(design.config), design.config.seeds[0]
+        everything = [story for some in self._stories.values() for story in some]
+        self._others = crowd(everything) if "crowd" in stresses else []
+        self._heard: list[Story] = []
+        if "import" in stresses:
+            self._heard = hearsay(design.subjects, self._stories, registry, seed)
 
     def lessons(self, unit: EpisodeUnit) -> Lessons:
         """What the arm of a row has learned."""
@@ -128,8 +153,11 @@ class School:
             bank = f"{arm.name}-{place}"
         if has_bank(self._registry, arm):
             self._lessons[key] = Lessons(self._bank(unit, bank, known), asked=asked)
+        elif not arm.learns:
+            self._lessons[key] = Lessons()
         else:
-            self._lessons[key] = Lessons(stories=tuple(story for some in known.values() for story in some))
+            own = (story for some in known.values() for story in some)
+            self._lessons[key] = Lessons(stories=(*self._others, *self._heard, *own))
         return self._lessons[key]
 
     def _bank(self, unit: EpisodeUnit, name: str, known: Mapping[str, Sequence[Story]]) -> str:
@@ -137,8 +165,12 @@ class School:
         path = self._folder / f"{name}.db"
         if str(path) not in {lessons.bank for lessons in self._lessons.values()}:
             path.parent.mkdir(parents=True, exist_ok=True)
-            root = chosen_memory(self._design.config, self._registry, unit.arm, str(path))
-            with closing(self._registry.build(root, "memory")) as memory:
+            arm, config = unit.arm, lived(self._design.config, self._registry)
+            if self._others:
+                arm = with_budget(arm, self._registry)
+            with closing(open_memory(config, self._registry, arm, str(path))) as memory:
+                teach(memory, self._others)
+                hear(memory, self._heard if arm.source != "shuffled" else ())
                 for some in known.values():
                     teach(memory, some)
         return str(path)

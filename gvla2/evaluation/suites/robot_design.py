@@ -25,6 +25,7 @@ from gvla2.evaluation.components import (
 from gvla2.evaluation.config import LEARNABLE, RobotBench
 from gvla2.evaluation.results import cell_key, versions
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, chosen_components
+from gvla2.evaluation.suites.robot_stress import in_world, lived, stresses_of
 from gvla2.plugins.assembly import GEOMETRY, LOOP
 from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK
 from gvla2.plugins.registry import Registry
@@ -57,13 +58,14 @@ SETTING = (
     "depth_noise",
     "scale",
     "world",
+    "stress",
     "second_tries",
     "replan",
 )
 """Factors that rows must share to be compared; tables leave out those with the usual value."""
 MEASURING_CODE = (
     "gvla2.episode", "gvla2.evaluation.arms", "gvla2.evaluation.suites.robot", "gvla2.evaluation.suites.robot_episodes",
-    "gvla2.geometry", "gvla2.memory", "gvla2.perception", "gvla2.planning",
+    "gvla2.evaluation.suites.robot_stress", "gvla2.geometry", "gvla2.memory", "gvla2.perception", "gvla2.planning",
     "gvla2.reconstruction", "gvla2.robot", "gvla2.skills",
 )  # fmt: skip
 """Code whose change outdates stored rows, besides the chosen plugins."""
@@ -85,20 +87,29 @@ class Design:
 
 
 def world_of(config: RobotBench) -> str:
-    """The name of a design's world: "plain", or "learnable" with its number."""
-    return f"{config.world}-{config.seeds[0]}" if config.world == LEARNABLE else config.world
+    """The name of a design's world: "plain", or "learnable" with its number and stress."""
+    if config.world != LEARNABLE:
+        return config.world
+    return "-".join([config.world, str(config.seeds[0]), *config.stresses])
 
 
 def designs(config: RobotBench, registry: Registry) -> list[Design]:
-    """The bench's design; in a learnable world one for each seed, since each is a different world, explored anew.
+    """The bench's design; in a learnable world one for each seed, since each is a different world, explored anew, and
+    for each stress.
 
     Raises :class:`ConfigurationError` for names and options that do not exist, and for a layout that exploration uses
     too.
     """
     arms = chosen_arms(config, registry)
+    if config.policy.name not in ("", NONE) and any(arm.name != "off" for arm in arms):
+        raise ConfigurationError("A policy has no memory: arms=[off].")
     _check_seeds(config, learns=any(arm.learns for arm in arms))
     seeds = [[seed] for seed in dict.fromkeys(config.seeds)] if config.world == LEARNABLE else [config.seeds]
-    return [_design(replace(config, seeds=world), registry, arms) for world in seeds]
+    stresses = [[stress] for stress in dict.fromkeys(config.stresses)] or [[]]
+    return [
+        _design(replace(config, seeds=world, stresses=stress), registry, arms)
+        for world, stress in product(seeds, stresses)
+    ]
 
 
 def _check_seeds(config: RobotBench, learns: bool) -> None:
@@ -137,7 +148,8 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
         if OWN_TASK in name or "family" not in options_of(registry, "task", name):
             raise ConfigurationError(f"world is {LEARNABLE}, but the task '{name}' has no option 'family'.")
         for family in range(config.families):
-            found[f"{label}{FAMILY}{family}"] = {"name": name, **options, **world, "family": family}
+            task = in_world({"name": name, **options, **world, "family": family}, stresses_of(config))
+            found[f"{label}{FAMILY}{family}"] = task
     return found
 
 
@@ -169,30 +181,40 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
     rows = subjects(config, registry)
     if len(rows) == 1 and any(arm.source == "shuffled" for arm in arms):
         raise ConfigurationError("The arm 'shuffled' recalls for another task: name two tasks or more.")
-    around = _around(config, registry, rows)
+    tested, exploration = replace(config, stresses=[]), lived(config, registry)
+    around, world = _around(tested, registry, rows), world_of(config)
     explored = list(rows) if any(arm.learns for arm in arms) else []
     how = (config.exploration, config.exploration_replan)
     explorer = BenchArm(EXPLORED, "off", replan=config.exploration_replan)
+    seeds = list(dict.fromkeys(config.exploration_seeds))
+    half = len(seeds) // 2 if "drift" in stresses_of(config) else 0
+    before = {name: {**task, "drifted": False} for name, task in rows.items()}
     exploring = []
-    for subject, seed in product(explored, dict.fromkeys(config.exploration_seeds)):
-        here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
-        keys: tuple[str, ...] = (cell_key(EXPLORATION, here, around[subject], *how),)
-        factors = {**here, "planner": planner_label(config)}
-        label = f"{subject}, {EXPLORED}"
-        exploring.append(EpisodeUnit(keys, label, config, subject, rows[subject], explorer, seed, factors))
-    lessons = (explored, config.exploration_seeds, *how, [around[subject] for subject in explored])
+    for some, then in [(seeds[:half], before)] * bool(half) + [(seeds[half:], rows)]:
+        past_world = _around(exploration, registry, then)
+        for subject, seed in product(explored, some):
+            here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
+            keys: tuple[str, ...] = (cell_key(EXPLORATION, here, past_world[subject], *how),)
+            factors = {**here, "planner": planner_label(config)}
+            unit = EpisodeUnit(
+                keys, f"{subject}, {EXPLORED}", exploration, subject, then[subject], explorer, seed, factors
+            )
+            exploring.append(replace(unit, world=world))
+    lessons = (*config.stresses, [unit.keys for unit in exploring])
     common = _common(config, registry)
     plan = []
     for (subject, task), arm in product(rows.items(), arms):
         past: Any = (lessons, _memory_key(config, registry, arm)) if arm.learns else ()
-        past = (past, arm.replan)
+        past = (past, arm.replan, *config.stresses)
         own = {"variant": arm.variant} if arm.variant else {}
         own |= {"learning": _learning_label(config)} if arm.learns else {}
         for place, layout in _places(config):
             here = {"task": subject, "arm": arm.name, **place}
             keys = tuple(cell_key(SUITE, here, p, around[subject], past) for p in PROFILES)
             label, factors = f"{subject}, {arm.name}", {**here, **own, **common}
-            plan.append(EpisodeUnit(keys, label, config, subject, task, arm, layout, factors, PROFILES))
+            plan.append(
+                EpisodeUnit(keys, label, tested, subject, task, arm, layout, factors, PROFILES, world)
+            )
     return Design(config, rows, plan, exploring)
 
 
@@ -256,7 +278,9 @@ def _places(config: RobotBench) -> list[tuple[dict[str, str | int], int]]:
 
 
 def planner_label(config: RobotBench) -> str:
-    """The planner in a table: its name, changed options, and fallback."""
+    """The planner in a table: its name, changed options, and fallback; or the policy that drives instead."""
+    if config.policy.name not in ("", NONE):
+        return described(config.policy)
     label = described(config.planner)
     return label if config.fallback.name in ("", NONE) else f"{label}, then {described(config.fallback)}"
 
@@ -269,6 +293,7 @@ def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:
     optional: dict[str, str | int] = {
         "branch": config.branch.label() if config.branch.changed() else "",
         "world": config.world if config.world == LEARNABLE else "",
+        "stress": next(iter(config.stresses), ""),
         "components": ", ".join(components),
         "replan": config.replan,
         "second_tries": "" if config.second_tries == RobotBench.second_tries else str(config.second_tries),
@@ -290,6 +315,8 @@ def _given(config: RobotBench) -> str:
     """
     if config.perceiver.name == TRUE_SCENE:
         return "true scene: no perception, a diagnosis"
+    if config.policy.name not in ("", NONE):
+        return f"{len(getattr(config.robot, 'cameras', ()))} cameras, a trained policy"
     known = "known objects (meshes)" if getattr(config.perceiver, "gallery", "") else "no gallery"
     return f"{len(getattr(config.robot, 'cameras', ()))} cameras with depth, {known}, no training"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 import shutil
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from gvla2.episode.lessons import stories_of
-from gvla2.episode.loop import Components, EpisodeRequest, SilentListener, run_episode
+from gvla2.episode.loop import Components, EpisodeRequest, SilentListener, planned_again, run_episode
 from gvla2.episode.record import VOID, EpisodeRecord, Stage
 from gvla2.evaluation.arms import (
     MEMORY,
@@ -23,8 +23,7 @@ from gvla2.evaluation.arms import (
     Frozen,
     Shuffled,
     Story,
-    chosen_memory,
-    has_bank,
+    open_memory,
     teach,
 )
 from gvla2.evaluation.config import RobotBench
@@ -65,7 +64,8 @@ class EpisodeUnit(Unit):
     """An episode of the design: a row of the bench in one arm, laid out by the seed ``layout``.
 
     ``subject`` names the row; ``task`` is the task's name and options; ``profiles`` are those of its cells, in the
-    order of ``keys``, and ``factors`` what the cells have in common; ``config`` is the bench with the planner.
+    order of ``keys``, and ``factors`` what the cells have in common; ``config`` is the bench with the planner, and
+    ``world`` the name of the design's world.
     ``folder`` is for the episode's film and page, if it has them, which name the bench's ``origin``.
     """
 
@@ -76,9 +76,17 @@ class EpisodeUnit(Unit):
     layout: int
     factors: Mapping[str, str | int]
     profiles: tuple[str, ...] = ("",)
+    world: str = ""
     lessons: Lessons = Lessons()
     folder: Path | None = None
     origin: Origin | None = None
+
+
+@dataclass(frozen=True)
+class EpisodeGroup(Unit):
+    """Episodes of one task in one layout, in different arms: those whose arms move alike share a simulation."""
+
+    episodes: tuple[EpisodeUnit, ...]
 
 
 def chosen_components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, Any]:
@@ -88,18 +96,55 @@ def chosen_components(config: RobotBench, task: Mapping[str, Any]) -> dict[str, 
     return {**chosen, "task": dict(task), "memory": {"name": "none"}}
 
 
-def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Cell]:
-    """Run the episode here. One in which a component crashed is a failure; the next has fresh components."""
+Ran = tuple[EpisodeRecord, float]
+"""An episode's record and its seconds."""
+
+
+def run_group(group: EpisodeGroup, registry: Registry) -> Iterator[Cell]:
+    """Run the episodes here."""
+    ran: list[Ran] = []
+    for unit in group.episodes:
+        yield from run_unit(unit, registry, ran)
+
+
+def run_unit(unit: EpisodeUnit, registry: Registry, ran: list[Ran]) -> list[Cell]:
+    """Run one of a group's episodes and add it to those that ``ran``.
+
+    One in which a component crashed is a failure; the next has fresh components.
+    """
     exploring = unit.arm.name == EXPLORED
     with _memory(unit, registry) as memory:
         components = replace(_components_of(unit, registry), memory=memory)
         if exploring:
             components = replace(components, planner=_exploring(unit, registry, components))
-        record, seconds = _run(unit, components)
+        record, seconds = _alike(unit, components, ran) or _run(unit, components)
         explored = tuple(stories_of(record, components.skills)) if exploring else ()
     if failure_class(record) in ("error", "setup"):
         release()
+    ran.append((record, seconds))
     return cells_of(unit, record, seconds, explored)
+
+
+def _alike(unit: EpisodeUnit, components: Components, ran: Sequence[Ran]) -> Ran | None:
+    """The episode by that of another arm in the same layout that planned the same motion, if there is one.
+
+    A simulated episode follows from its layout and its motion. Where the memory could have a say again later (further
+    tries, a next part, a model's answer) the episode is run.
+    """
+    tries = unit.config.second_tries + (unit.config.replan if unit.arm.replan is None else unit.arm.replan)
+    if tries or not ran or unit.folder is not None or components.language is not None:
+        return None
+    with suppress(Exception):  # what crashes is run, and recorded there
+        planned = planned_again(ran[0][0], components, _request(unit))
+        moves = None if planned.failure is not None else planned.executable.trajectory
+        for record, seconds in ran:
+            plan, later = record.plan, record.parts or record.attempts
+            if plan is None or record.report is None or later or plan.remaining:
+                continue
+            if plan.trajectory == moves:
+                notes = {name: getattr(planned, name) for name in ("recalled", "plan", "checks", "notes")}
+                return replace(record, choices=components.choices, **notes), seconds
+    return None
 
 
 class _Watched(SilentListener):
@@ -132,18 +177,10 @@ class _Watched(SilentListener):
 
 def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, float]:
     """The episode's record, and its seconds without those of its folder."""
-    config, arm, listener = unit.config, unit.arm, _Watched()
-    request = EpisodeRequest(
-        seed=unit.layout,
-        source=f"{unit.subject}-{arm.name}-{unit.layout}",
-        second_tries=0 if arm.name == EXPLORED else config.second_tries,
-        replan=config.replan if arm.replan is None else arm.replan,
-        depth_noise=config.depth_noise,
-        planner_timeout=config.planner_timeout,
-    )
+    config, listener = unit.config, _Watched()
     started = time.perf_counter()
     with suppress(Exception):  # the record says what crashed; it must not end an ablation of many hours
-        run_episode(components, request, listener)
+        run_episode(components, _request(unit), listener)
     seconds = time.perf_counter() - started
     assert listener.record is not None
     if unit.folder is not None:
@@ -152,6 +189,18 @@ def _run(unit: EpisodeUnit, components: Components) -> tuple[EpisodeRecord, floa
         if config.films == "all" or not (check and check.relaxed):
             listener.write(unit.folder, config, unit.origin)
     return listener.record, round(seconds, 3)
+
+
+def _request(unit: EpisodeUnit) -> EpisodeRequest:
+    config, arm = unit.config, unit.arm
+    return EpisodeRequest(
+        seed=unit.layout,
+        source=f"{unit.subject}-{arm.name}-{unit.layout}",
+        second_tries=0 if arm.name == EXPLORED else config.second_tries,
+        replan=config.replan if arm.replan is None else arm.replan,
+        depth_noise=config.depth_noise,
+        planner_timeout=config.planner_timeout,
+    )
 
 
 def cells_of(
@@ -260,12 +309,20 @@ def _exploring(unit: EpisodeUnit, registry: Registry, components: Components) ->
 def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
     """The frozen memory of the episode's arm."""
     arm, lessons = unit.arm, unit.lessons
-    with closing(registry.build(chosen_memory(unit.config, registry, arm, lessons.bank), "memory")) as memory:
-        if not has_bank(registry, arm):
-            teach(memory, lessons.stories)
+    memory = _banks.get(lessons.bank) or open_memory(unit.config, registry, arm, lessons.bank)
+    if lessons.bank:
+        _banks[lessons.bank] = memory
+    else:
+        teach(memory, lessons.stories)
+    try:
         yield Shuffled(memory, lessons.asked) if arm.source == "shuffled" else Frozen(memory)
+    finally:
+        if not lessons.bank:
+            memory.close()
 
 
+_banks: dict[str, Memory] = {}
+"""The frozen banks that this process has opened, by their files."""
 _kept: dict[str, Components] = {}
 """The components of the task that this process worked on last: a robot takes a second to build."""
 
@@ -281,7 +338,10 @@ def _components_of(unit: EpisodeUnit, registry: Registry) -> Components:
 
 
 def release() -> None:
-    """Close the components that this process keeps."""
+    """Close the components and banks that this process keeps."""
+    for memory in _banks.values():
+        memory.close()
+    _banks.clear()
     for components in _kept.values():
         components.robot.close()
         components.memory.close()

@@ -9,40 +9,30 @@ from statistics import fmean, median
 from types import MappingProxyType
 from typing import Any
 
+from gvla2.evaluation.comparison import EFFECT, different, effect, rate
 from gvla2.evaluation.results import Cell, grouped, latest, measured
-from gvla2.evaluation.statistics import (
-    Pair,
-    exact_mcnemar,
-    holm,
-    mean_and_deviation,
-    pooled_difference,
-    wilson_interval,
-    won_and_lost,
-)
+from gvla2.evaluation.statistics import Pair, mean_and_deviation
 from gvla2.evaluation.suites.robot_design import NAMED, PROFILES, SETTING, ordered
-from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, Tone, film, runs_of, text_cell
+from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
 from gvla2.record.text import count
 
 PLANNER = ("planner", "model")
 """Factors that the arms of a comparison share, besides the setting."""
 EPISODE = (*PLANNER, "task", "arm", "variant", "learning", "profile", "seed", "episode")
 """Factors that distinguish the episodes of a setting."""
-SURE = 0.05
-"""An adjusted p below it is coloured."""
+FULL = 0.95
+"""A row whose arms all have more successes, or all more failures, has no room for a difference."""
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
     "seeds. Asterisk, coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, "
     "p < .05). Planning seconds include checks and answers to rejected plans; tokens are those of prompts + answers as "
     "the server counted them. Answers from a cache cost neither tokens nor time. In a learnable world each seed is "
-    "another world, and a row pools the families of that number."
+    "another world, and a row pools the families of that number. Saturated: at least 95 % of every arm's episodes "
+    "succeed, or at least 95 % fail, which leaves no room for a difference."
 )
 SUITES = (
     "Success in per cent by suite with its 95 % Wilson interval. Published results have other evidence, which the last "
     "row names: no test between them and ours means anything."
-)
-EFFECT = (
-    "Difference of success rates in points, mean over tasks [95 % bootstrap over tasks, then episodes]; episodes won : "
-    "lost; exact McNemar p over all pairs; tasks that differ after Holm."
 )
 FAILURES = (
     "Failures by cause, where the relaxed goal was not reached (unnoticed: the robot's own verifier saw nothing wrong; "
@@ -71,23 +61,46 @@ def robot_sheets(
     order = list(grouped(given, *PLANNER))
     once = latest(given, lambda cell: cell.texts(*SETTING, *EPISODE))
     kept = sorted(once, key=lambda cell: (cell.texts(*SETTING), order.index(cell.texts(*PLANNER))))
+    stressed = [cell for cell in kept if cell.factors.get("stress")]
+    shared = [name for name in (*SETTING, *PLANNER) if name != "stress"]
     return [
-        sheet
-        for found in grouped(kept, *SETTING).values()
-        for sheet in _of_setting(list(map(_named, found)), groups, published)
+        *(_by_stress(found, shared) for found in grouped(stressed, *shared).values()),
+        *(s for found in grouped(kept, *SETTING).values() for s in _of_setting(found, groups, published)),
     ]
 
 
-def _named(cell: Cell) -> Cell:
-    """The cell with its arm's name in tables: with a variant's options, and how it learns where that is unusual."""
-    arm, *special = cell.texts("arm", "variant", "learning")
-    options = ", ".join(filter(None, special))
-    return replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm})
+def _named(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells with their arms' names in tables: with a variant's options, and how it learns where arms differ."""
+    learned = [cell.texts("learning")[0] for cell in cells if "learning" in cell.factors]
+    shown = ["variant", "learning"] if len({*learned}) > 1 else ["variant"]
+    found = []
+    for cell in cells:
+        arm, *special = cell.texts("arm", *shown)
+        options = ", ".join(filter(None, special))
+        found.append(replace(cell, factors={**cell.factors, "arm": f"{arm} ({options})" if options else arm}))
+    return found
+
+
+def _by_stress(cells: Sequence[Cell], shared: Sequence[str]) -> Sheet:
+    """Stresses down; what memory on adds to each other arm across."""
+    found = _of_profile(cells, PROFILES[0])
+    others = [arm for arm in _arms(found) if arm != "on"]
+    rows = []
+    for (stress,), some in grouped(found, "stress").items():
+        by_arm = {arm: own for (arm,), own in grouped(some, "arm").items()}
+        on = by_arm.get("on", [])
+        effects = (effect(_pairs(by_arm.get(arm, []), on)) for arm in others)
+        rows.append(SheetRow(stress, (_rate(on, 0), *effects)))
+    headings = ("memory on", *(f"on against {arm}" for arm in others))
+    title = f"{_title(found, shared)}: what governance adds under stress"
+    counted = f"{count(len(rows), 'stress', 'stresses')}, {count(len(found), 'episode')}"
+    return Sheet(title, headings, tuple(rows), counted, runs_of(cells), EFFECT)
 
 
 def _of_setting(
     cells: Sequence[Cell], groups: Mapping[str, Sequence[str]], published: Mapping[str, Any]
 ) -> list[Sheet]:
+    cells = _named(cells)
     tasks = ordered([task for (task,) in grouped(cells, "task")])
     columns = _columns(cells)
     title = _title(cells, SETTING if len(grouped(cells, "planner")) > 1 else (*SETTING, *PLANNER))
@@ -111,8 +124,9 @@ def _of_setting(
 
 def _title(cells: Sequence[Cell], names: Sequence[str]) -> str:
     """What all these cells share."""
-    shared = (f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value)
-    return f"Robot ({', '.join(shared)})"
+    shared = [f"{name} {value}" for name, value in zip(names, cells[0].texts(*names), strict=True) if value]
+    learned = {cell.texts("learning")[0] for cell in cells if "learning" in cell.factors}
+    return f"Robot ({', '.join(shared + sorted(learned - {''} if len(learned) == 1 else ()))})"
 
 
 def _arms(cells: Sequence[Cell]) -> list[str]:
@@ -175,11 +189,11 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
     entries: dict[str, list[SheetCell]] = {task: [] for task in (*tasks, "mean over tasks")}
     for some in found.values():
         off = [c for c in everything if c.texts("arm", *PLANNER) == ("off", *some[0].texts(*PLANNER))]
-        sure, by_task = _different(_pairs(off, some)), grouped(some, "task")
+        sure, by_task = different(_pairs(off, some)), grouped(some, "task")
         for task in tasks:
             entries[task].append(_rate(by_task.get((task,), []), sure.get(task, 0)))
         entries["mean over tasks"].append(_mean([cell for cell in some if _counts(cell)]))
-    rows = [SheetRow(label, tuple(line)) for label, line in entries.items()]
+    rows = [SheetRow(f"{label}{_saturated(label, found)}", tuple(line)) for label, line in entries.items()]
     asked = any(cell.measures.get("calls") or cell.measures.get("cached") for cell in everything)
     lines: dict[str, Callable[[Sequence[Cell]], str]] = {}
     if profile == PROFILES[0] and (asked or len(grouped(everything, "planner")) > 1):
@@ -196,6 +210,17 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
     return Sheet(title, tuple(columns), tuple(filled), "", (), SUCCESS)
 
 
+def _saturated(task: str, columns: Columns) -> str:
+    """A remark on a row of several arms that has no room for a difference."""
+    arms = [
+        [bool(c.measures["success"]) for c in some if c.texts("task") == (task,) and _counts(c)]
+        for some in columns.values()
+    ]
+    rates = [fmean(done) for done in arms if done]
+    full = len(rates) > 1 and (min(rates) >= FULL or max(rates) <= 1 - FULL)
+    return " (saturated)" if full else ""
+
+
 def _second_tries(cells: Sequence[Cell]) -> str:
     """In how many episodes something was tried again, and how many of those reached the goal; "" for none."""
     again = [
@@ -205,15 +230,8 @@ def _second_tries(cells: Sequence[Cell]) -> str:
 
 
 def _rate(cells: Sequence[Cell], sure: int) -> SheetCell:
-    """The rate in per cent, and its interval with the counts."""
-    sound = [cell for cell in cells if _counts(cell)]
-    if not sound:
-        return NONE
-    won = sum(bool(cell.measures["success"]) for cell in sound)
-    low, high = wilson_interval(won, len(sound))
-    tone: Tone = "" if not sure else "better" if sure > 0 else "worse"
-    rate = f"{100 * won / len(sound):.1f}{' *' if sure else ''}"
-    return SheetCell((rate, f"[{100 * low:.0f}, {100 * high:.0f}] {won}/{len(sound)}"), tone=tone)
+    """The rate of the measured episodes."""
+    return rate([bool(cell.measures["success"]) for cell in cells if _counts(cell)], sure)
 
 
 def _mean(cells: Sequence[Cell]) -> SheetCell:
@@ -250,13 +268,6 @@ def _pairs(first: Sequence[Cell], second: Sequence[Cell]) -> dict[str, list[Pair
     return by_task
 
 
-def _different(pairs: Mapping[str, Sequence[Pair]]) -> dict[str, int]:
-    """Tasks in which the second arm differs significantly, and whether it gained (1) or lost (-1)."""
-    adjusted = holm({task: exact_mcnemar(made) for task, made in pairs.items()})
-    sure = [task for task, p in adjusted.items() if p < SURE]
-    return {task: 1 if (wl := won_and_lost(pairs[task]))[0] > wl[1] else -1 for task in sure}
-
-
 def _effects(cells: Sequence[Cell], title: str) -> Sheet:
     """Every arm against memory off, and memory on against every other."""
     arms = _arms(cells)
@@ -266,26 +277,8 @@ def _effects(cells: Sequence[Cell], title: str) -> Sheet:
     rows = []
     for second, first in against:
         pairs = (_pairs(by_arm.get((first, p), []), by_arm.get((second, p), [])) for p in PROFILES)
-        rows.append(SheetRow(f"{second} against {first}", tuple(map(_effect, pairs))))
+        rows.append(SheetRow(f"{second} against {first}", tuple(map(effect, pairs))))
     return Sheet(title, PROFILES, tuple(rows), "", (), EFFECT)
-
-
-def _effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
-    if not by_task:
-        return NONE
-    change = pooled_difference(by_task)
-    everything = [pair for pairs in by_task.values() for pair in pairs]
-    (won, lost), p = won_and_lost(everything), exact_mcnemar(everything)
-    sure = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in _different(by_task).items())
-    unsure = change.low <= 0 <= change.high or p >= SURE
-    tone: Tone = "" if unsure else "better" if change.value > 0 else "worse"
-    lines = (
-        f"{change.value:+.1f} points",
-        f"[{change.low:+.1f}, {change.high:+.1f}]",
-        f"{won} : {lost} of {len(everything)}, p {p:.3g}",
-        sure or "no task by itself",
-    )
-    return SheetCell(lines, tone=tone)
 
 
 def _failures(columns: Columns, title: str) -> Sheet:
@@ -305,6 +298,7 @@ def _failures(columns: Columns, title: str) -> Sheet:
         film(
             f"{c.texts('task')[0]}, layout {c.notes.get('layout')}: {c.notes.get('message')}",
             str(c.notes["folder"]),
+            failed=True,
         )
         for some in found.values()
         for c in some

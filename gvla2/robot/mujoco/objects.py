@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.perception.articulated import MovingPart, joint_of, part_noun, with_parts
 from gvla2.perception.objects import object_of, opening_of
-from gvla2.planning.scene import Scene, SceneObject
-from gvla2.robot.mujoco.description import mesh_of, robot_bodies
-from gvla2.robot.mujoco.world import World
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.robot.mujoco.arm import geom_mesh
 
 PLACES = frozenset(("top", "middle", "bottom", "upper", "lower", "left", "right", "front", "back"))
 """Words of a body's name that tell it from others of its kind."""
@@ -27,20 +27,20 @@ TEXTURE = 512
 """Longest side of a texture, pixels: recognition samples 3000 points."""
 
 
-def true_scene(world: World) -> Scene:
-    """Every body that is neither the robot nor the room; a body that moves on a joint of its own is a part.
+def true_scene(
+    model: Any, data: Any, groups: Sequence[int], robot: Collection[int], table_height: float, workspace: Box
+) -> Scene:
+    """Every body that is neither the robot's nor the room; a body that moves on a joint of its own is a part.
 
     Labels are the bodies' names without numbers, colours those of their material.
     """
-    model, data = world.model, world.data
-    robot = robot_bodies(model, world.names.base)
     objects: list[SceneObject] = []
-    for root, drawn in drawn_objects(model, data, world.groups, robot).items():
+    for root, drawn in drawn_objects(model, data, groups, robot).items():
         name = model.body(root).name or f"body{root}"
         if root not in drawn or ROOM.match(name):
             continue
         points, colours = _surface(drawn[root])
-        whole = object_of(points, colours, world.table_height, 1.0, name)
+        whole = object_of(points, colours, table_height, 1.0, name)
         bottom, top = points[:, 2].min(), points[:, 2].max()  # known, unlike those of a perceived object
         pose = rigid(whole.world_from_object[:3, :3], [*whole.centre[:2], 0.5 * (bottom + top)])
         sides = np.array([*whole.extents[:2], max(top - bottom, 1e-3)])
@@ -48,7 +48,7 @@ def true_scene(world: World) -> Scene:
         whole = replace(whole, opening=opening_of(points), confidence=1.0, named_by="oracle")
         parts = [moving_part(model, data, body, meshes) for body, meshes in drawn.items() if body != root]
         objects += with_parts(whole, points, parts)
-    return Scene(tuple(objects), world.table_height, world.workspace, "oracle")
+    return Scene(tuple(objects), table_height, workspace, "oracle")
 
 
 def drawn_objects(
@@ -123,9 +123,10 @@ def _painted(model: Any, data: Any, body: int, groups: Sequence[int]) -> list[An
             pixels = np.asarray(model.tex_data[first : first + height * width * depth])
             image = Image.fromarray(pixels.reshape(height, width, depth)[..., :3])
             image.thumbnail((TEXTURE, TEXTURE))
-        shape, uv = _drawn_shape(model, geom)
-        if shape is None:
+        mesh = geom_mesh(model, geom)
+        if mesh is None:
             continue
+        shape, uv = _unwrapped(model, geom, mesh)
         if image is None:
             uv = None
         elif uv is None:
@@ -139,29 +140,18 @@ def _painted(model: Any, data: Any, body: int, groups: Sequence[int]) -> list[An
     return made
 
 
-def _drawn_shape(model: Any, geom: int) -> tuple[Any, Any]:
-    """A geom as a trimesh in its own frame, None for a plane; texture coordinates (V, 2) of a mesh that has them."""
+def _unwrapped(model: Any, geom: int, mesh: TriangleMesh) -> tuple[Any, Any]:
+    """The surface of a geom as a trimesh, and texture coordinates (V, 2) if it is a mesh that has them."""
     import trimesh
-    from mujoco import mjtGeom
 
-    made, size = trimesh.creation, np.asarray(model.geom_size[geom])
-    primitives = {
-        mjtGeom.mjGEOM_BOX: lambda: made.box(2 * size),
-        mjtGeom.mjGEOM_CYLINDER: lambda: made.cylinder(size[0], 2 * size[1]),
-        mjtGeom.mjGEOM_CAPSULE: lambda: made.capsule(2 * size[1], size[0]),
-        mjtGeom.mjGEOM_SPHERE: lambda: made.icosphere(radius=size[0]),
-        mjtGeom.mjGEOM_ELLIPSOID: lambda: made.icosphere().apply_scale(size),
-    }
-    kind = mjtGeom(model.geom_type[geom])
-    if kind != mjtGeom.mjGEOM_MESH:
-        return primitives.get(kind, lambda: None)(), None
-    mesh = int(model.geom_dataid[geom])
-    whole, uv = mesh_of(model, mesh), None
-    corners = whole.faces.ravel()
-    if model.mesh_texcoordnum[mesh] > 0:
-        face, at = model.mesh_faceadr[mesh], model.mesh_texcoordadr[mesh]
-        indices = np.asarray(model.mesh_facetexcoord[face : face + len(whole.faces)]).ravel()
+    number = int(model.geom_dataid[geom])
+    if number < 0:
+        return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False), None
+    corners, uv = mesh.faces.ravel(), None
+    if model.mesh_texcoordnum[number] > 0:
+        face, at = model.mesh_faceadr[number], model.mesh_texcoordadr[number]
+        indices = np.asarray(model.mesh_facetexcoord[face : face + len(mesh.faces)]).ravel()
         # MuJoCo counts rows of a picture from above.
-        uv = model.mesh_texcoord[at : at + model.mesh_texcoordnum[mesh]][indices] * [1, -1] + [0, 1]
+        uv = model.mesh_texcoord[at : at + model.mesh_texcoordnum[number]][indices] * [1, -1] + [0, 1]
     alone = np.arange(len(corners)).reshape(-1, 3)
-    return trimesh.Trimesh(whole.vertices[corners], alone, process=False), uv
+    return trimesh.Trimesh(mesh.vertices[corners], alone, process=False), uv

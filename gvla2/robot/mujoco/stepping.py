@@ -15,9 +15,9 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.geometry.transform import FloatArray
-from gvla2.planning.scene import Box
-from gvla2.robot.mujoco.description import ArmNames
-from gvla2.robot.mujoco.world import import_mujoco
+from gvla2.robot.mujoco.arm import ArmNames
+from gvla2.robot.mujoco.options import MujocoConfig
+from gvla2.robot.mujoco.world import ModelWorld, import_mujoco
 
 RATE = 20.0
 """Control steps a second of the published evaluations."""
@@ -81,30 +81,24 @@ OPTIONS: Mapping[str, Any] = MappingProxyType(
 """Of an environment that draws nothing itself, loads its model once and ends no episode."""
 
 
-class EnvWorld:
-    """A world (:class:`gvla2.robot.mujoco.world.World`) around an environment that was made with :data:`OPTIONS`.
+class EnvWorld(ModelWorld):
+    """An environment that was made with :data:`OPTIONS`, whose arm the controller drives with ``config.stiffness``.
 
-    Of its options, ``stiffness`` is the joint controller's gain and ``max_steps`` ends an episode. A control step moves
-    the command of its hand, from -1 (closed) to 1, by ``hand_stride``. Derived worlds say what remains.
+    ``max_steps`` ends an episode. A control step moves the command of the hand, from -1 (closed) to 1, by
+    ``hand_stride``. Derived worlds begin, and say what remains.
     """
 
-    instruction: str
-    goal: str
-    workspace: Box
-    table_height: float
     rate, groups = RATE, DRAWN
 
-    def __init__(self, env: Any, stiffness: float, max_steps: int, hand_stride: float) -> None:
-        self.env, self.max_steps = env, max_steps
-        self.lag: float = 2.0 / np.sqrt(stiffness)  # of a critically damped joint
-        self.steps, self._reached, self._sent = 0, False, 0.0
-        self.model, self.data = env.sim.model._model, env.sim.data._data
+    def __init__(self, config: MujocoConfig, env: Any, max_steps: int, hand_stride: float) -> None:
+        self.env, self.max_steps, self._sent = env, max_steps, 0.0
         self._stride, self.hand_steps = hand_stride, round(2 / hand_stride)
         for observed in env.observation_names:  # nobody reads them, and they take longer than the physics
             env.modify_observable(observed, "enabled", False)
-        self.robot, self.hand = env.robots[0], hand_of(env)
+        self.env_robot, self.hand = env.robots[0], hand_of(env)
         tool = f"{self.hand.naming_prefix}right_gripper"
-        self.names = ArmNames("robot0_base", tool, tuple(self.robot.robot_joints), tuple(self.hand.joints))
+        names = ArmNames("robot0_base", tool, tuple(self.env_robot.robot_joints), tuple(self.hand.joints))
+        super().__init__(config, env.sim.model._model, env.sim.data._data, names)
 
     def step(self, joints: FloatArray, opening: float) -> None:
         """One control step; the hand's command moves by its own speed, up or down."""
@@ -112,24 +106,21 @@ class EnvWorld:
         sign = 0.0 if abs(off) < 0.5 * self._stride else float(np.sign(off))
         self._sent = float(np.clip(self._sent + sign * self._stride, -1.0, 1.0))
         self.advance(joints, -sign)
-        self.steps += 1
-        self._reached = self._reached or bool(self.env._check_success())
 
     def advance(self, joints: FloatArray, closing: float) -> None:
         """The physics of one control step towards joints (dof,); the hand closes (1), stays (0) or opens (-1)."""
         self.env.step(np.append(joints, closing))
 
     def settle(self, steps: int) -> None:
-        """Let the objects come to rest with the arm held, uncounted."""
-        joints = np.array(self.data.qpos[self.robot._ref_joint_pos_indexes])
+        """Let the objects come to rest with the arm held."""
+        joints = np.array(self.data.qpos[self.env_robot._ref_joint_pos_indexes])
         self._sent = 0.0
         for _ in range(steps):
             self.step(joints, 1.0)
-        self.steps, self._reached = 0, False
 
     def succeeded(self) -> bool:
-        """Whether the environment's own check was met at any step of the episode."""
-        return self._reached
+        """The environment's own check."""
+        return bool(self.env._check_success())
 
     def reset(self, seed: int) -> None:
         """The environment's own reset, reproducible by the seed."""
@@ -138,7 +129,6 @@ class EnvWorld:
             self.env.reset()
         # The environment leaves it as it was.
         self.hand.current_action = np.zeros_like(self.hand.current_action)
-        self.data = self.env.sim.data._data
 
 
 def hand_of(env: Any) -> Any:

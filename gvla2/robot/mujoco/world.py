@@ -1,14 +1,12 @@
-"""A MuJoCo world, its cameras' RGB-D pictures drawn offscreen, and the driver that steps it."""
+"""A MuJoCo model as a simulation: its arm, its cameras' RGB-D pictures drawn offscreen, its state."""
 
 from __future__ import annotations
 
 import atexit
-import itertools
-import math
 import os
-from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,46 +15,13 @@ from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.geometry.views import View
-from gvla2.planning.scene import Box
-from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
-from gvla2.robot.mujoco.description import ArmNames
-
-
-class World(Protocol):
-    """A compiled model with its state, one task in it, and what judges it.
-
-    ``steps`` counts those of the present episode, ``max_steps`` (0: none) ends it; ``rate`` is in steps a second.
-    ``groups`` are the groups of geoms that cameras see. ``workspace`` is where the tool may go, ``table_height`` that
-    of the main support, metres. The arm follows its targets ``lag`` seconds late, and the hand's target moves over its
-    whole range in ``hand_steps``.
-    """
-
-    model: Any
-    data: Any
-    names: ArmNames
-    instruction: str
-    goal: str
-    rate: float
-    steps: int
-    max_steps: int
-    groups: tuple[int, ...]
-    workspace: Box
-    table_height: float
-    lag: float
-    hand_steps: int
-
-    def begin(self, seed: int) -> None:
-        """The initial state of that number, objects at rest, ``steps`` at 0."""
-        ...
-
-    def step(self, joints: FloatArray, opening: float) -> None:
-        """One step towards joints (dof,) and an opening in [0, 1] of the hand."""
-        ...
-
-    def succeeded(self) -> bool | None:
-        """Whether the task's goal was reached at any step of the episode; None where the world cannot know."""
-        ...
-
+from gvla2.planning.scene import Box, Scene
+from gvla2.robot.arm_from_urdf import RobotModel
+from gvla2.robot.mujoco.arm import ArmNames, arm_from_mjcf, robot_bodies
+from gvla2.robot.mujoco.objects import true_scene
+from gvla2.robot.mujoco.options import MujocoConfig
+from gvla2.robot.options import ArmConfig
+from gvla2.robot.simulation import Simulation
 
 FARTHEST = 5.0
 """Depth beyond this counts as not measured, metres, as with depth cameras."""
@@ -113,10 +78,9 @@ class ModelEyes:
     def camera(self, name: str, size: int) -> Camera:
         """The camera as it is now, with square images of ``size`` pixels."""
         index = self.model.camera(name).id
-        turn = self.data.cam_xmat[index].reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])  # MuJoCo's looks along -z
-        u, _, v = np.linalg.svd(turn)
+        pose = rigid(self.data.cam_xmat[index].reshape(3, 3), self.data.cam_xpos[index])
         fov = float(np.deg2rad(self.model.cam_fovy[index]))
-        return Camera.from_fov(fov, rigid(u @ v, self.data.cam_xpos[index]), size, size, name)
+        return Camera.from_opengl(fov, pose, size, size, name)
 
     def view(self, name: str, size: int) -> View:
         """The picture with depth, metres, NaN beyond 5 m; the robot is not marked."""
@@ -179,131 +143,76 @@ class ModelEyes:
 IMPOSSIBLE = 1e3
 """Speed of a joint or body beyond which the physics has blown up, m/s or rad/s."""
 
-SETTLED, SLOW, SETTLE_SECONDS, NEARER = 3e-3, 0.03, 0.3, 0.03
-"""A motion is over at this joint error (rad) and speed (rad/s), or when for so long it came nearer by less (rad)."""
 
-GRIP_SECONDS, STILL, STILL_STEPS = 1.0, 5e-4, 3
-"""Gripping is over, once the hand's target has arrived, when the width (metres) changed by less over this number of
-steps, or after this long."""
+class ModelWorld(Simulation):
+    """A compiled model with its state.
 
-STOPPED_SHORT = 0.004
-"""Fingers hold something when they stop this far short of where they were sent, metres."""
-
-HOLD_STEPS = 3
-
-
-class WorldDriver:
-    """Implements :class:`gvla2.robot.driver.Driver` in steps of a world, calling ``film`` after each.
-
-    ``joints`` (dof,) radians and ``width`` metres are what the arm's own sensors measure. The hand opens ``max_width``
-    and leaves ``gap`` metres between closed fingers. Targets run ahead of the samples by the controller's lag, so that
-    the arm follows them without delay.
+    The arm is the one that ``names`` names. Derived worlds begin, step and judge, and have: the ``groups`` of geoms
+    that cameras see, where the tool may go (``workspace``), and how high the main support is (``table_height``).
     """
 
-    def __init__(self, world: World, gap: float, max_width: float) -> None:
-        model, names = world.model, world.names
-        self.world = world
-        self.film: Callable[[], None] = _nothing
-        self._gap, self._max_width = gap, max_width
-        self._opening = 1.0  # that the hand was sent to
-        self._qpos = np.array([model.joint(n).qposadr[0] for n in names.joints])
-        self._dofs = np.array([model.joint(n).dofadr[0] for n in names.joints])
-        self._fingers = np.array([model.joint(n).qposadr[0] for n in names.fingers], dtype=np.intp)
-        ends = [model.joint(n).range for n in names.fingers]
-        self._closed = np.array([low if high > -low else high for low, high in ends])
+    groups: Sequence[int]
+    workspace: Box
+    table_height: float
 
-    @property
-    def joints(self) -> FloatArray:
-        """(dof,) radians."""
-        return np.array(self.world.data.qpos[self._qpos], dtype=np.float64)
+    def __init__(self, config: MujocoConfig, model: Any, data: Any, names: ArmNames) -> None:
+        self.model, self.data, self.names, self._config = model, data, names, config
+        self.lag = 2.0 / np.sqrt(config.stiffness)  # of a critically damped joint
+        self.eyes = ModelEyes(model, data, config.cameras, self.groups)
+        names.check(model)
+        self._qpos = [int(model.joint(name).qposadr[0]) for name in names.joints]
+        self._dofs = [int(model.joint(name).dofadr[0]) for name in names.joints]
 
-    @property
-    def width(self) -> float:
-        """Between the fingers, metres."""
-        return self._gap + float(np.abs(self.world.data.qpos[self._fingers] - self._closed).sum())
+    @cached_property
+    def robot(self) -> RobotModel:
+        """The arm, its home where it is now: at the begin of an episode."""
+        arm = ArmConfig(
+            name=self._config.name,
+            home=self.data.qpos[self._qpos].tolist(),
+            table_height=self.table_height,
+            workspace_low=self.workspace.low.tolist(),
+            workspace_high=self.workspace.high.tolist(),
+        )
+        return arm_from_mjcf(self.model, self.names, arm, self._config.joint_speed)
 
-    @property
-    def time(self) -> float:
-        """Simulated seconds of the episode."""
-        return self.world.steps / self.world.rate
+    def measure(self) -> tuple[FloatArray, FloatArray, float]:
+        """What the arm's own sensors measure."""
+        qpos, qvel, fingers = self.data.qpos, self.data.qvel, self.robot.gripper.fingers
+        now = [float(self.data.joint(finger.joint).qpos[0]) for finger in fingers]
+        apart = sum(abs(at - finger.closed) for at, finger in zip(now, fingers, strict=True))
+        return np.array(qpos[self._qpos]), np.array(qvel[self._dofs]), self.robot.gap + apart
 
     def sane(self) -> bool:
         """Whether the physics went well: MuJoCo starts anew by itself after a state that it cannot continue."""
-        data, kinds = self.world.data, import_mujoco().mjtWarning
+        data, kinds = self.data, import_mujoco().mjtWarning
         bad = kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC
         blown = any(data.warning[kind].number for kind in bad)
         return not blown and bool(np.isfinite(data.qpos).all() and np.abs(data.qvel).max() < IMPOSSIBLE)
 
-    def state(self) -> DriverState:
-        """The measured state, now."""
-        return DriverState(self.joints, self.width, self.time)
+    def look(self) -> Sequence[View]:
+        """The views of ``config.cameras``."""
+        return [self.eyes.view(name, self._config.image_size) for name in self.eyes.cameras]
 
-    def follow(
-        self, samples: FloatArray, dt: float, gripper: float, stop: StopRule | None = None
-    ) -> MoveResult:
-        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle.
+    def depths(self) -> Sequence[NDArray[np.float32]]:
+        """Their depth maps (H, W)."""
+        return [self.eyes.depth(name, self._config.image_size) for name in self.eyes.cameras]
 
-        ``stop`` is asked once a step and feels no force.
-        """
-        # The opening was measured: it must not release what the fingers squeeze at just that width.
-        measured = self.width / self._max_width
-        short = measured > self._opening + STOPPED_SHORT / self._max_width
-        if not (short and abs(gripper - measured) < 0.1):
-            self._opening = gripper
-        times, rate = np.arange(len(samples)) * dt, self.world.rate
+    def finer(self) -> Callable[[str], View] | None:
+        """A function that takes a camera's picture of this moment with more pixels, for as long as nothing moves."""
+        eyes, size = self.eyes, self._config.picture_size
+        if size <= self._config.image_size:
+            return None
+        return cache(lambda name: View(eyes.camera(name, size), eyes.picture(name, size)))
 
-        def at(moment: float) -> FloatArray:
-            return np.array([np.interp(moment, times, column) for column in samples.T])
+    def draw_later(self) -> Callable[[], NDArray[np.uint8]]:
+        """A function that draws a frame of the film, by the first camera, as the world is now."""
+        return self.eyes.draw_later(self.eyes.cameras[0], self._config.video_size)
 
-        count, patience = math.ceil(times[-1] * rate - 1e-9), math.ceil(SETTLE_SECONDS * rate)
-        nearest, until = np.inf, count + patience
-        for step in itertools.count(1):
-            off = float(np.abs(self.joints - samples[-1]).max())
-            arrived = off < SETTLED and np.abs(self.world.data.qvel[self._dofs]).max() < SLOW
-            # Late, since its motors are at their limits, but on its way.
-            if step > count and off < nearest - SETTLED:
-                nearest, until = off, step + patience
-            if self._over() or step >= until or (step > count and arrived):
-                break
-            self._step(at(step / rate + self.world.lag))
-            if stop is not None and stop(at(step / rate), self.joints, None):
-                return MoveResult(stopped=True)
-        return MoveResult(diverged=not self.sane(), expired=self.expired())
+    def true_scene(self) -> Scene:
+        """The model's bodies as scene objects."""
+        robot = robot_bodies(self.model, self.names.base)
+        return true_scene(self.model, self.data, self.groups, robot, self.table_height, self.workspace)
 
-    def grip(self, opening: float) -> GripResult:
-        """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
-        way = math.ceil(self.world.hand_steps * abs(opening - self._opening))
-        still, self._opening = self.joints, opening
-        widths: deque[float] = deque(maxlen=STILL_STEPS)
-        for step in range(way + math.ceil(GRIP_SECONDS * self.world.rate)):
-            widths.append(self.width)
-            if self._over() or (step >= way and len(widths) == STILL_STEPS and np.ptp(widths) < STILL):
-                break
-            self._step(still)
-        return GripResult(self.width, self.width > opening * self._max_width + STOPPED_SHORT)
-
-    def hold(self, steps: int = HOLD_STEPS) -> None:
-        """Stop at the measured position and stay there."""
-        joints = self.joints
-        for _ in range(steps):
-            if not self._over():
-                self._step(joints)
-
-    def expired(self) -> str:
-        """Why the world has ended the episode, "" while it goes on."""
-        world = self.world
-        ended = 0 < world.max_steps <= world.steps
-        return f"The world allows {world.max_steps} steps of {1 / world.rate:g} s." if ended else ""
-
-    def _over(self) -> bool:
-        return bool(self.expired()) or not self.sane()
-
-    def _step(self, joints: FloatArray) -> None:
-        self.world.step(joints, self._opening)
-        film, self.film = self.film, _nothing  # a picture that raises is the last: the arm must still be held
-        film()
-        self.film = film
-
-
-def _nothing() -> None:
-    """No film."""
+    def close(self) -> None:
+        """Release the framebuffers."""
+        self.eyes.close()

@@ -13,15 +13,18 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import CLEAR
+from gvla2.planning.relations import ASLANT
 from gvla2.planning.scene import ROUND, SIDES, SceneObject
 from gvla2.planning.skill import Job, Proposal
 from gvla2.planning.trajectory import Guard, Trajectory
-from gvla2.skills.grasps import grasps
+from gvla2.skills.grasps import grasps, standing
 from gvla2.skills.mechanisms import UP
 from gvla2.skills.proposals import Grasp, Path
 
 LEANING = 0.03
 """A stuck object that leans by a smaller share of its length is lifted straight up."""
+PARTLY = (0.7, 0.4, 0.0)
+"""Shares of its lean by which such an object is turned upright where the arm cannot turn it all the way."""
 BENT = 0.15
 """Deduction from the preference for a lift that is not straight: it takes longer."""
 
@@ -147,12 +150,14 @@ def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
 @dataclass(frozen=True)
 class Way:
     """How an object is taken and put down: ``straight`` up, or around what is above it; the hand coming down
-    ``between`` taller neighbours; let go of ``drop`` metres higher than usual.
+    ``between`` taller neighbours; let go of ``drop`` metres higher than usual. A known one that leans is turned
+    ``upright`` by that share of its lean.
     """
 
     straight: bool = True
     between: bool = False
     drop: float = 0.0
+    upright: float = 1.0
 
 
 def propose_place(job: Job) -> list[Proposal] | Abstention:
@@ -167,6 +172,8 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
         (Way(), _aside(job, spots)),
         (Way(between=True), spots),
     ]
+    if np.linalg.norm(job.theme.righting) > ASLANT:
+        ways += [(Way(upright=share), spots) for share in PARTLY]
     if job.goal is not None and job.goal.opening > 0.0:
         ways += [(Way(between=between, drop=drop), spots) for drop in DROPS for between in (False, True)]
     return [
@@ -292,31 +299,42 @@ def _place(
     """Take the theme, carry it over the spot (3,), and put it down."""
 
     def way() -> Trajectory:
-        path, over = brought(job, grasp, spot, turn, how)
-        put_down(job, path, grasp, over, spot, how.drop)
+        upright, held = righted(job, grasp, how.upright)
+        over = over_spot(upright, held, spot, turn)
+        path = brought(job, grasp, over, how)
+        put_down(upright, path, held, over, spot, how.drop)
         return path.trajectory()
 
     named = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
-    preference = grasp.preference - 0.05 * (turn != 0.0) - how.drop
+    preference = grasp.preference - 0.05 * (turn != 0.0) - how.drop - 0.5 * (1.0 - how.upright)
     if job.share[1] > 1 and job.goal is not None:  # fingers between the objects need room, too
         closing = Rotation.from_euler("z", turn).apply(grasp.closing)
         preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
     named += "" if how.straight else ", around what is above it"
     named += ", from between its neighbours" if how.between else ""
     named += f", dropped by {1e3 * how.drop:.0f} mm" if how.drop else ""
+    named += f", turned upright by {100 * how.upright:.0f} %" if how.upright < 1.0 else ""
     return Proposal(named, grasp.approaches, preference, way, reserve=reserve)
 
 
-def brought(job: Job, grasp: Grasp, spot: FloatArray, turn: float, how: Way = Way()) -> tuple[Path, Grasp]:
-    """The path from the approach to over the spot (3,), with the theme turned by ``turn``, and the grasp there."""
-    path, over = take(job, grasp, between=how.between), over_spot(job, grasp, spot, turn)
+def righted(job: Job, grasp: Grasp, share: float = 1.0) -> tuple[Job, Grasp]:
+    """The job and the grasp as they are when the hand has turned a theme that leans upright, by a share of its lean."""
+    upright, about = standing(job.theme, share)
+    closing, approach = about[:3, :3] @ grasp.closing, about[:3, :3] @ grasp.approach
+    held = replace(grasp, centre=transform_points(about, grasp.centre), closing=closing, approach=approach)
+    return replace(job, theme=upright), held
+
+
+def brought(job: Job, grasp: Grasp, over: Grasp, how: Way = Way()) -> Path:
+    """The path from the approach to the grasp ``over`` the spot."""
+    path = take(job, grasp, between=how.between)
     out = draw_out(job, path, grasp)
     up = np.array([*out[:2], over.centre[2]])
     if not how.straight:  # back the way that the hand came, unless the theme stands in something
         up = out + (job.rise + 2 * CLEAR) * (UP if job.rise > 0.0 else -grasp.approach)
     path.line("lift", up, allowed=job.own | job.resting)
     carry(path, over)
-    return path, over
+    return path
 
 
 def over_spot(job: Job, grasp: Grasp, spot: FloatArray, turn: float) -> Grasp:
@@ -398,7 +416,8 @@ def aligning_turns(theme: SceneObject, post: SceneObject) -> list[float]:
 
 def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
     def way() -> Trajectory:
-        path, over = brought(job, grasp, post.centre, turn)
+        over = over_spot(job, grasp, post.centre, turn)
+        path = brought(job, grasp, over)
         lower_over(job, path, grasp, over.centre)
         return path.trajectory()
 

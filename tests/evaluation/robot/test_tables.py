@@ -50,19 +50,19 @@ def test_success_is_shown_with_its_interval():
     assert text_of(relaxed, "mean over tasks", "memory on") == ("90.0", "1 seed; 2 of 2 tasks above 0")
     assert text_of(effects, "on against off", "relaxed")[0] == "+30.0 points"
     assert "12 : 0 of 40" in text_of(effects, "on against off", "relaxed")[2]
-    assert text_of(effects, "on against off", "relaxed")[3] == "lamp_on +"
+    assert text_of(effects, "on against off", "relaxed")[3:] == ("could show 24 points", "lamp_on +")
     assert text_of(failures, "grasp", "memory off") == ("16",)
     assert text_of(failures, "verifier agrees", "memory on") == ("40 of 40",)
     # Only a sure difference is coloured.
     tones = {row.label: row.cells[relaxed.headings.index("memory on")].tone for row in relaxed.rows}
     assert tones["lamp_on"] == "better"
-    assert tones["put_block"] == ""
+    assert tones["put_block (saturated)"] == ""
 
 
 def test_groups_that_cannot_be_compared_get_tables_of_their_own_and_the_later_run_counts():
     again = [replace(c, run=2, measures={**c.measures, "success": True}) for c in cells()]
     tables = robot_sheets([*again, *cells()])
-    assert text_of(tables[0], "lamp_on", "memory off")[0] == "100.0"
+    assert text_of(tables[0], "lamp_on (saturated)", "memory off")[0] == "100.0"
     seen = [replace(c, key=c.key + "o", factors={**c.factors, "perceiver": "oracle"}) for c in cells()]
     titles = [table.title for table in robot_sheets([*cells(), *seen])]
     assert sum("perceiver oracle" in title for title in titles) == len(titles) // 2
@@ -77,8 +77,28 @@ def test_arms_that_learned_otherwise_have_columns_of_their_own():
     ]
     (relaxed, *_) = robot_sheets([*off, *ways])
     assert relaxed.headings == ("memory off", "memory on", "memory on (exploration_seeds=[5])")
-    (relaxed, *_) = robot_sheets([*off, *ways[len(on) :]])
-    assert relaxed.headings == ("memory off", "memory on (exploration_seeds=[5])")
+    (relaxed, _, effects, _) = robot_sheets([*off, *ways[len(on) :]])
+    assert relaxed.headings == ("memory off", "memory on"), "nobody learned otherwise"
+    assert "exploration_seeds=[5]" in relaxed.title
+    assert [row.label for row in effects.rows] == ["on against off"]
+
+
+def test_stresses_stand_side_by_side_with_the_differences_that_their_pairs_can_show():
+    stressed = [
+        replace(c, key=c.key + stress, factors={**c.factors, "stress": stress})
+        for stress in ("none", "drift")
+        for c in cells()
+        if stress == "none" or c.factors["episode"] < 2
+    ]
+    together, *others = robot_sheets(stressed)
+    assert "stress" not in together.title.partition(":")[0]
+    (none, *_) = (sheet for sheet in others if "stress none" in sheet.title)
+    assert together.headings == ("memory on", "on against off")
+    assert text_of(together, "none", "on against off")[2:4] == (
+        "12 : 0 of 40, p 0.000488", "could show 24 points",
+    )  # fmt: skip
+    assert text_of(together, "drift", "on against off")[3] == "too few pairs to show any"
+    assert [row.label for row in none.rows][:2] == ["put_block (saturated)", "lamp_on"]
 
 
 def test_layouts_without_a_seed_have_no_deviation_over_seeds():
