@@ -112,8 +112,8 @@ class ModelEyes:
         return draw
 
     def _prepared(self, data: Any, name: str, size: int, shadows: bool) -> Any:
-        """The renderer with the scene of ``data``; without reflections: MuJoCo draws all of it again for each reflecting
-        face of a box, which doubles the time for the steel of a stove.
+        """The renderer with the scene of ``data``, without reflections: for each reflecting face of a box, such as a
+        stove's, MuJoCo draws all of it once more.
         """
         renderer, flags = self._renderer(size), self._mujoco.mjtRndFlag
         renderer.update_scene(data, name, self._option)
