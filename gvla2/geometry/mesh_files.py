@@ -128,6 +128,8 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
         content = _plain_obj(content, resolver)
     elif suffix == ".ply":
         content = _plain_ply(content)
+    elif suffix == ".stl":
+        content = _plain_stl(content)
     elif suffix == ".off":
         return _read_off(_decoded(content)).scene(), from_file, moves
     kind = suffix.removeprefix(".")
@@ -205,6 +207,12 @@ def _plain_ply(content: bytes) -> bytes:
     if b"TextureFile" not in header:
         header = re.sub(rb"(?m)^(property .*\b)([stuv]|texture_[uv]|texcoord)(\r?)$", rb"\1no_\2\3", header)
     return header + end + body
+
+
+def _plain_stl(content: bytes) -> bytes:
+    """A binary STL file without what follows its triangles, for which trimesh would take it for text."""
+    size = 84 + 50 * struct.unpack_from("<I", content, 80)[0] if len(content) >= 84 else 0
+    return content[:size] if 84 < size < len(content) and b"facet" not in content[:1000] else content
 
 
 def _read_off(text: str) -> trimesh.Trimesh:

@@ -185,6 +185,9 @@ def _document(cameras: Path) -> Mapping[str, Any]:
 
 def _plain_readers(cameras: Path) -> Readers:
     document = _document(cameras)
+    names = [entry.get("name") for entry in document["views"]]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise GeometryError(f"Cannot read the cameras from {cameras}: two views are called '{twice[0]}'.")
     shared = {k: document[k] for k in ("K", "convention") if k in document}
     return {
         n: partial(_plain_view, cameras, {**shared, **entry}) for n, entry in enumerate(document["views"])
@@ -192,7 +195,7 @@ def _plain_readers(cameras: Path) -> Readers:
 
 
 def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
-    name, folder = str(entry.get("name", "")), cameras.parent
+    folder, name = cameras.parent, re.sub(r"(?i)(?<=.)\.(png|jpe?g)$", "", str(entry.get("name", "")))
 
     def first(of: str, suffixes: tuple[str, ...]) -> Path | None:
         named = (folder / of / f"{name}{end}" for suffix in suffixes for end in (suffix, suffix.upper()))
@@ -204,7 +207,7 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
         if not name or (picture := first("images", _PICTURES)) is None:
             raise GeometryError(f"there is no {folder / 'images' / name}.png.")
         image, mask = _read_picture(picture)
-        if (mask_file := first("masks", _PICTURES)) is not None:
+        if (mask_file := first("masks", (*_PICTURES, f"{picture.suffix}.png"))) is not None:  # COLMAP's masks
             mask = _read_mask(mask_file)
         depth = None
         if (depth_file := first("depth", (".npy",))) is not None:
@@ -238,6 +241,16 @@ def _check_size(camera: Camera) -> None:
     """Raise :class:`GeometryError` for a K that belongs to a picture of another size, as its principal point shows."""
     x, y = camera.K[:2, 2]
     ratio = 2.0 * x / camera.width, 2.0 * y / camera.height
+    if min(x, y) > 0 and max(x, y) <= 1:
+        raise GeometryError(
+            f"the principal point ({x:g}, {y:g}) of K is in shares of the picture; K is in pixels."
+        )
+    turned = 2.0 * x / camera.height, 2.0 * y / camera.width
+    if min(turned) > 0 and max(np.abs(np.log(turned))) < 0.05 and max(np.abs(np.log(ratio))) > np.log(SCALED):
+        raise GeometryError(
+            f"the principal point ({x:g}, {y:g}) of K is the middle of the picture when it is turned by 90 degrees. "
+            "The file stores it unturned, perhaps with an EXIF orientation: turn its pixels, or K."
+        )
     if min(ratio) > 0 and abs(np.log(ratio[0])) > np.log(SCALED) and abs(ratio[0] / ratio[1] - 1) < 0.05:
         raise GeometryError(
             f"the principal point ({x:g}, {y:g}) of K is the middle of {2 * x:.0f}x{2 * y:.0f} pixels, and "

@@ -44,6 +44,11 @@ def write_whole(path: str | os.PathLike[str], content: bytes | bytearray, *, flu
         ) from error
 
 
+def own_file(path: str, flags: int) -> int:
+    """An opener for :func:`open` that follows no link, and waits for no pipe, that another user put at the path."""
+    return os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
+
+
 def visible_files(root: Path, name: str = "*") -> list[Path]:
     """The files below a folder whose names match, sorted; without hidden files and folders and macOS' ``__MACOSX``."""
     found = (path for path in root.rglob(name) if path.is_file())

@@ -27,6 +27,7 @@ from sqlalchemy.pool import QueuePool
 
 from gvla2.errors import ConfigurationError, MemoryStoreError, MissingDependencyError
 from gvla2.io.database_url import Closing, parsed
+from gvla2.io.files import own_file
 from gvla2.memory.tables import BANK, META, METADATA, SCHEMA_VERSION, TABLES
 from gvla2.memory.transaction import Transaction
 from gvla2.memory.view import BankView
@@ -258,7 +259,8 @@ class SqliteStore(Store):
         """One process at a time: switching a new file to write-ahead logging does not wait for others by itself."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with self._path.with_name(f".{self._path.name}.lock").open("a") as handle:
+            lock = self._path.with_name(f".{self._path.name}.lock")
+            with open(lock, "a", opener=own_file) as handle:
                 fcntl.flock(handle, fcntl.LOCK_EX)
                 self._path.touch()
                 with closing(sqlite3.connect(self._path, timeout=self._busy_seconds)) as raw:

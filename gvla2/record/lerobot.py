@@ -25,9 +25,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from gvla2.errors import Gvla2Error, reading
+from gvla2.errors import Gvla2Error, OutputError, reading
 from gvla2.io.files import make_folder, write_json
-from gvla2.record.motion import Film, opened
+from gvla2.record.motion import Film, check_whole, opened
 from gvla2.record.page import render
 
 PICTURES = "observation.images."
@@ -77,8 +77,9 @@ class VideoFile:
             films = films or [opened(*one, fps) for one in zip(places, pictures, strict=True)]
             for film, picture in zip(films, pictures, strict=True):
                 film.send(picture.tobytes())
-        for film in films:
+        for film, place in zip(films, places, strict=True):
             film.close()
+            check_whole(place)
 
 
 def _frames(path: Path) -> Iterator[NDArray[np.uint8]]:
@@ -119,10 +120,10 @@ class Demonstration:
 
 
 def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
-    """Write the data set into an empty or missing ``folder``.
+    """Write the data set into an empty or missing ``folder``, whole or not at all.
 
     Raises :class:`Gvla2Error` for no episodes, for a folder that is not empty, and for episodes of different arms,
-    rates or picture sizes, which one data set cannot hold.
+    rates or picture sizes, which one data set cannot hold; :class:`OutputError` when it cannot be written.
     """
     if not episodes:
         raise Gvla2Error("There is no episode to export.")
@@ -139,7 +140,18 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
         raise Gvla2Error(
             f"One data set holds one arm at one rate and picture size, not several: {kinds_found}."
         )
-    make_folder(folder)
+    aside = folder.absolute().with_name(f".{folder.absolute().name}.unfinished")
+    try:
+        shutil.rmtree(aside, ignore_errors=True)  # of an export that was killed
+        _write_whole(make_folder(aside), episodes)
+        aside.replace(folder)
+    except OSError as error:
+        raise OutputError(f"The data set '{folder}' cannot be written: {error.strerror or error}.") from error
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def _write_whole(folder: Path, episodes: Sequence[Demonstration]) -> None:
     tasks = list(dict.fromkeys(episode.task for episode in episodes))
     cameras = [PICTURES + name for name in episodes[0].film.cameras]
     for index, episode in enumerate(episodes):

@@ -17,6 +17,7 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.errors import OutputError
 from gvla2.io.files import write_bytes
 from gvla2.robot.backend import Moment
 
@@ -26,6 +27,8 @@ Film = Generator[None, bytes | None, None]
 """imageio-ffmpeg's open film: takes the bytes of one frame at a time."""
 
 FILM, STATES = "episode.mp4", "motion.npz"
+UNFINISHED = ".episode.mp4"
+"""The film while it is written: what a run that dies leaves does not look like a film."""
 DEFAULT_FPS = 5.0
 SMALLEST = 16
 """Minimum side of a film in pixels: encoders refuse smaller ones."""
@@ -36,7 +39,7 @@ AHEAD = 30
 class Motion:
     """Writes the film while the robot moves, in a thread of its own: an encoder takes 0.3 s to start.
 
-    :meth:`finish` closes it and writes the states.
+    :meth:`finish` closes it and writes the states; it raises :class:`OutputError` for what cannot be written.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -84,6 +87,7 @@ class Motion:
             if self._film is not None:
                 self._film.close()
                 self._film = None
+                check_whole(self._folder / UNFINISHED).replace(self._folder / FILM)
         if self._moments and len(self._moments) == self._frames:
             stream = io.BytesIO()
             given = [m.command for m in self._moments if m.command is not None]
@@ -104,12 +108,24 @@ class Motion:
             self._awaited.popleft().result()
 
     def _open(self, first: Frame, fps: float) -> None:
-        self._film = opened(self._folder / FILM, first, fps)
+        self._film = opened(self._folder / UNFINISHED, first, fps)
         self._send(first)
 
     def _send(self, image: Frame) -> None:
         if self._film is not None:
             self._film.send(image.tobytes())
+
+
+def check_whole(film: Path) -> Path:
+    """The film; removes one that is cut, and raises :class:`OutputError`: the encoder does not say so."""
+    content, at, boxes = film.read_bytes() if film.is_file() else b"", 0, set()
+    while at < len(content):  # the boxes of an MP4 file follow one another
+        boxes.add(content[at + 4 : at + 8])
+        at += max(int.from_bytes(content[at : at + 4], "big"), 8)
+    if at != len(content) or not {b"moov", b"mdat"} <= boxes:
+        film.unlink(missing_ok=True)
+        raise OutputError(f"The film '{film}' could not be written whole. Check the disk's free space.")
+    return film
 
 
 def _even(image: Frame) -> Frame:
@@ -127,7 +143,7 @@ def opened(path: Path, first: Frame, fps: float) -> Film:
         quality=7,
         macro_block_size=2,
         output_params=["-preset", "veryfast", "-movflags", "+faststart"],
-        ffmpeg_log_level="error",
+        ffmpeg_log_level="fatal",
     )
     film.send(None)
     return film

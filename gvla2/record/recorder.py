@@ -24,7 +24,7 @@ from gvla2.planning.contracts import Plan
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import contact_sheet_of
-from gvla2.record.motion import FILM, STATES, Motion
+from gvla2.record.motion import FILM, STATES, UNFINISHED, Motion
 from gvla2.record.origin import Origin
 from gvla2.record.page import render_page
 from gvla2.record.pictures import SHOWN, Pictures, Shots
@@ -50,6 +50,7 @@ class FolderRecorder:
     def __init__(self, folder: Path, config: str, origin: Origin | None = None) -> None:
         self.folder, self.config, self.origin = make_folder(folder), config, origin or Origin()
         self.notes: list[str] = []
+        self._unwritable = False
         try:
             for name in self.WRITTEN:
                 (folder / name).unlink(missing_ok=True)
@@ -66,11 +67,16 @@ class FolderRecorder:
             return None
 
     def complain(self, what: str, error: Exception) -> None:
-        """Note once what could not be made and why."""
+        """Note once what could not be made and why; a full disk, which many files meet, is one warning."""
         note = f"{what} could not be made: {type(error).__name__}: {error}"
-        if note not in self.notes:
-            self.notes.append(note)
+        if note in self.notes:
+            return
+        self.notes.append(note)
+        if not isinstance(error, OutputError):
             log.warning(note, exc_info=error)
+        elif not self._unwritable:
+            self._unwritable = True
+            log.warning(note)
 
     def there(self) -> list[str]:
         """The names of the files in the folder."""
@@ -148,7 +154,7 @@ class RunRecorder(FolderRecorder):
         "result.json",
         *STAGE_FILES,
         *(shown.file for shown in SHOWN.values() if shown.file),
-        *(f"{VIEWS}/{CAMERAS}", "scene.glb", FILM, STATES, "index.html"),
+        *(f"{VIEWS}/{CAMERAS}", "scene.glb", FILM, UNFINISHED, STATES, "index.html"),
     )
 
     def __init__(

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import logging
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
+from gvla2.io.files import own_file
 from gvla2.record.text import printable
 
 
@@ -25,10 +25,7 @@ class RunLog(logging.FileHandler):
         super().__init__(filename, **options)
 
     def _open(self) -> Any:
-        def opened(path: str, flags: int) -> int:
-            return os.open(path, flags | os.O_NOFOLLOW, 0o666)
-
-        return open(self.baseFilename, self.mode, encoding=self.encoding, opener=opened)
+        return open(self.baseFilename, self.mode, encoding=self.encoding, opener=own_file)
 
     def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802 - logging's name
         """Called by logging when a message could not be written."""

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import GeometryError, RobotError, reading
-from gvla2.geometry.transform import FloatArray, box_corners, rigid
+from gvla2.geometry.transform import FloatArray, box_corners
 from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.kinematics import Kinematics, library
@@ -162,15 +162,16 @@ class CollisionModel:
         links = [(i, _link(o)) for i, o in enumerate(geometry.geometryObjects)]
         still = {i for i, o in enumerate(geometry.geometryObjects) if o.parentJoint == 0}
         self_pairs = list(self._self_pairs)
-        hand, tcp = self._hand, self._kinematics.tcp_joint
+        hand = self._hand
         if attached is not None:
             held = attached.object
+            joint = self._kinematics.tcp_joint
             placement = pin.SE3(self._kinematics.joint_from_tcp @ attached.tcp_from_object)
-            index = geometry.addGeometryObject(pin.GeometryObject(held.id, tcp, 0, placement, _solid(held)))
+            index = geometry.addGeometryObject(pin.GeometryObject(held.id, joint, 0, placement, _solid(held)))
             self_pairs += [
                 (i, index)
                 for i, name in links
-                if name not in hand and geometry.geometryObjects[i].parentJoint != tcp
+                if name not in hand and geometry.geometryObjects[i].parentJoint != joint
             ]
             links.append((index, held.id))
             hand = hand | {held.id}
@@ -186,17 +187,6 @@ class CollisionModel:
                     continue
                 geometry.addCollisionPair(pin.CollisionPair(i, index))
                 n_world += 1
-        palm = [
-            i for i, link in links if link in self._hand and geometry.geometryObjects[i].parentJoint == tcp
-        ]
-        for obj in scene.obstacles(ignored):
-            for solid, placement in _walls(obj) if obj.id in allowed else ():
-                index = geometry.addGeometryObject(
-                    pin.GeometryObject(obj.id, 0, 0, pin.SE3(placement), solid)
-                )
-                for i in palm:  # fingers reach into what is open at the top, a palm does not fit
-                    geometry.addCollisionPair(pin.CollisionPair(i, index))
-                    n_world += 1
         for first, second in self_pairs:
             geometry.addCollisionPair(pin.CollisionPair(first, second))
         return CollisionChecker(self._kinematics, self._data, geometry, gripper, n_world)
@@ -235,22 +225,6 @@ def convex_hull(corners: FloatArray) -> Any:
     return coal.Convex.convexHull(vertices, True, "Qt")
 
 
-def _walls(item: SceneObject) -> list[tuple[Any, FloatArray]]:
-    """Coal shapes of the four walls of an open box, each with its pose (4, 4) in the world; none of anything else."""
-    size, found = item.extents, list[tuple[Any, FloatArray]]()
-    thick = 0.5 * (float(size[:2].min()) - item.opening)
-    if item.opening <= 0.0 or item.shape != "box" or thick <= 0.0:
-        return found
-    for axis in (0, 1):
-        wall = size.copy()
-        wall[axis] = thick
-        for side in (1.0, -1.0):
-            at = np.zeros(3)
-            at[axis] = side * 0.5 * (size[axis] - thick)
-            found.append((coal_shape("box", wall), item.world_from_object @ rigid(translation=at)))
-    return found
-
-
 def _solid(item: SceneObject) -> Any:
     """A coal shape in the object's frame: a cylinder or sphere around its box if it is one, else the box."""
     x, y, z = np.maximum(item.extents, 1e-4)
@@ -271,8 +245,7 @@ def coal_shape(kind: str, size: Sequence[float]) -> Any:
 
 def _object_key(item: SceneObject) -> tuple[object, ...]:
     scan = item.known and (item.known.path, item.known.world_from_scan.tobytes())
-    box = item.world_from_object.tobytes(), item.extents.tobytes()
-    return (item.id, item.shape, *box, item.opening, scan)
+    return (item.id, item.shape, item.world_from_object.tobytes(), item.extents.tobytes(), scan)
 
 
 def _bisecting(count: int) -> list[int]:

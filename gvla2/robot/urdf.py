@@ -29,6 +29,8 @@ _USUAL_SPEEDS = (
     f"they get {TURNING_SPEED:g} rad/s, sliding ones {SLIDING_SPEED:g} m/s; state <limit velocity=...>"
 )
 
+_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
+
 log = logging.getLogger(__name__)
 
 
@@ -48,7 +50,8 @@ def read_urdf(path: Path) -> ET.Element:
     """The ``robot`` element of a file, ready for kinematics and simulation.
 
     Meshes get their full paths; continuous joints get limits of a turn either way, and joints without a speed or a
-    force usual ones; links with only visuals collide by these. Raises :class:`RobotError` for a file that is not a
+    force usual ones; links with only visuals collide by these; masses and inertias that no body has are left out.
+    Raises :class:`RobotError` for a file that is not a
     URDF (:func:`gvla2.geometry.urdf_files.parse_urdf`), for a missing mesh, and if no link has a shape.
     """
     with reading("a URDF", path, RobotError):
@@ -80,6 +83,11 @@ def _prepared(robot: ET.Element, path: Path) -> ET.Element:
     unstated = [joint.get("name") for joint in robot.iterfind("joint") if not _complete_limits(joint)]
     if unstated:
         log.warning("%s states no speed of %s: %s.", path, ", ".join(map(str, unstated)), _USUAL_SPEEDS)
+    unreal = [link.get("name") for link in robot.iterfind("link") if not _possible_inertia(link)]
+    if unreal:
+        log.warning(
+            "%s: no body has the <inertial> of %s; it is left out.", path, ", ".join(map(str, unreal))
+        )
     if robot.find("link/collision") is None:
         raise RobotError(
             f"None of the {len(robot.findall('link'))} links of {path} has a <collision> or <visual>: there is nothing "
@@ -118,6 +126,18 @@ def _complete_limits(joint: ET.Element) -> bool:
         joint.set("type", "revolute")
         limit.attrib.update(lower=str(-2 * np.pi), upper=str(2 * np.pi))
     return bool(stated)
+
+
+def _possible_inertia(link: ET.Element) -> bool:
+    """Whether a link's mass is not negative, and its inertia of some body; takes it out otherwise."""
+    for inertial in link.findall("inertial"):
+        mass, inertia = inertial.find("mass"), inertial.find("inertia")
+        xx, yy, zz, xy, xz, yz = (numbers(inertia, f"i{axes}", (0.0,))[0] for axes in _AXES)
+        low, *_, high = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if numbers(mass, "value", (0.0,))[0] < 0 or low < -1e-6 * abs(high):
+            link.remove(inertial)
+            return False
+    return True
 
 
 def find_mesh(urdf: Path, filename: str, link: str = "") -> Path:

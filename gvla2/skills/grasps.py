@@ -43,9 +43,6 @@ TILTS = (0.12, -0.12, 0.24, -0.24)
 """Turns of such a hand about its fingertips, radians: one end of its palm rises, where it would meet what is higher."""
 BRIM = 0.016
 """How much wider than a brim's edge the hand opens, metres: wider fingers would meet the table before they reach it."""
-STEEP, ACROSS = 0.03, 0.3
-"""Height of a flat object, metres, from which its brim is also a bowl's wall, steep enough for straight fingers from
-above, which need less room than fingers along it; and the deduction from the preference for them."""
 ASIDE, SHIFTS = 0.02, (0.35, -0.35)
 """A hold that may be shifted further than this, metres, is also tried off the middle, by these shares of it: where a
 neighbour is in the hand's way. It turns in the fingers more easily, so that others are preferred."""
@@ -150,9 +147,6 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
             grips.append((snug, ", hand opened just enough"))
         for family in FAMILIES[hold.part]:
             found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
-        if hold.part == "brim" and job.theme.extents[2] > STEEP:
-            steep = replace(hold, cost=hold.cost + ACROSS)
-            found += [_grasp(job, steep, "top", opening, grip) for opening, grip in grips]
         if hold.slide > ASIDE:
             found += [_grasp(job, hold, "top", hold.opening, ", off its middle", shift) for shift in SHIFTS]
     found += _above_neighbours(job, found)
@@ -224,8 +218,7 @@ def standing(theme: SceneObject, share: float = 1.0) -> tuple[SceneObject, Float
 
     Let go of, it falls upright about its lowest point: the middle of its box is where it will be then.
     """
-    skin = skin_of(theme)
-    if np.linalg.norm(theme.righting) < ASLANT or skin is None:
+    if np.linalg.norm(theme.righting) < ASLANT or (skin := skin_of(theme)) is None:
         return theme, np.eye(4)
     turn, fall = (Rotation.from_rotvec(part * theme.righting) for part in (share, 1.0 - share))
     about = rigid(turn.as_matrix(), theme.centre - turn.apply(theme.centre))
@@ -249,30 +242,38 @@ def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:
     ]
     highest = theme.top - SHALLOWEST + hand.tip_beyond_tcp
     most = highest + 0.5 * hand.palm_breadth * np.sin(max(TILTS))
-    higher = [min(height, highest) for height in near if height < most]
+    wanted = max((height for height in near if height < most), default=-np.inf)
+    blocked = [one for one in found if one.family == "top" and one.centre[2] < min(wanted, highest)]
     raised = [
         replace(
             grasp,
             description=f"{grasp.description}, above its neighbours",
-            centre=np.array([*grasp.centre[:2], max(higher)]),
+            centre=np.array([*grasp.centre[:2], min(wanted, highest)]),
             preference=grasp.preference - 0.1,
         )
-        for grasp in found
-        if grasp.family == "top" and higher and grasp.centre[2] < max(higher)
+        for grasp in blocked
     ]
-    tilts = TILTS if higher and max(higher) == highest else ()
-    return [*raised, *(_tilted(grasp, tilt, hand) for grasp in raised for tilt in tilts)]
+    tilts = TILTS if wanted > highest - PALM_ROOM else ()
+    return [*raised, *(_tilted(grasp, tilt, wanted, highest, hand) for grasp in blocked for tilt in tilts)]
 
 
-def _tilted(grasp: Grasp, tilt: float, hand: Hand) -> Grasp:
-    """The grasp with one end of the palm raised by a turn about the fingertips, radians."""
+def _tilted(grasp: Grasp, tilt: float, wanted: float, highest: float, hand: Hand) -> Grasp:
+    """The grasp turned about its fingertips, radians, which raises one end of the palm: so it holds deeper than at the
+    height of the tool that is ``wanted`` for an upright palm, and never above the ``highest``, metres.
+    """
+    slope = abs(np.sin(tilt))
+    lowest = grasp.centre[2] + slope * (0.5 * grasp.opening * hand.max_width + hand.finger_thickness)
+    height = min(highest, max(lowest, wanted - slope * 0.5 * hand.palm_breadth))
     closing = np.cos(tilt) * grasp.closing + np.sin(tilt) * UP
     approach = np.cos(tilt) * grasp.approach + np.sin(tilt) * grasp.closing
-    centre = grasp.centre + hand.tip_beyond_tcp * (grasp.approach - approach)
-    how = f"{grasp.description}, tilted by {np.degrees(tilt):.0f}°"
-    preference = grasp.preference - abs(tilt)
+    centre = np.array([*grasp.centre[:2], height]) + hand.tip_beyond_tcp * (grasp.approach - approach)
     return replace(
-        grasp, description=how, closing=closing, approach=approach, centre=centre, preference=preference
+        grasp,
+        description=f"{grasp.description}, tilted by {np.degrees(tilt):.0f}° over its neighbours",
+        closing=closing,
+        approach=approach,
+        centre=centre,
+        preference=grasp.preference - 0.15 - 10.0 * (height - grasp.centre[2]),
     )
 
 

@@ -40,7 +40,6 @@ from gvla2.robot.arm_from_urdf import arm_from_urdf
 from gvla2.robot.backend import Moment
 from gvla2.robot.calibration import CONVENTION, Calibration
 from gvla2.robot.looks import link_surfaces
-from gvla2.robot.mujoco.description import write_urdf
 from gvla2.robot.scan import read_scan
 from gvla2.robot.urdf import read_urdf
 from gvla2_plugins.file_prior import FilePriorConfig
@@ -154,7 +153,7 @@ def robots(folder: Path) -> Targets:
         config.fingers, config.gripper_actuators = ["f-1", "f1"], ["g-1", "g1"]
         world = MjcfWorld(config)
         world.begin(0)
-        write_urdf(world.model, world.names, 2.0)
+        world.measure()  # by the arm that the model has
 
     def sapien(path: Path) -> None:
         arm_from_urdf(SapienArmConfig(urdf=str(path), tool_link="l6", home=[0.0] * 6))
@@ -165,9 +164,12 @@ def robots(folder: Path) -> Targets:
 def views(folder: Path) -> Targets:
     """Pictures with their cameras, and what programs make of them."""
     (folder / "images").mkdir()
-    Image.new("RGB", (32, 32)).save(folder / "images" / "a.png")
+    for name in ("a", "b"):
+        Image.new("RGB", (32, 32)).save(folder / "images" / f"{name}.png")
     K, T = [[40, 0, 16], [0, 40, 16], [0, 0, 1]], np.eye(4).tolist()
-    (folder / "cameras.json").write_text(json.dumps({"K": K, "views": [{"name": "a", "T": T}] * 2}))
+    (folder / "cameras.json").write_text(
+        json.dumps({"K": K, "views": [{"name": name, "T": T} for name in "ab"]})
+    )
     np.savez(folder / "prior.npz", depth=np.ones((2, 32, 32), np.float32), world_from_camera=[T, T])
     np.savez(folder / "params.npz", scale=1.0, rotation=[1.0, 0, 0, 0], translation=[0.0, 0, 1])
     trimesh.creation.box((1, 1, 1)).export(folder / "result.glb")

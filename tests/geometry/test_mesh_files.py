@@ -176,6 +176,12 @@ def test_colours_of_off(tmp_path: Path, kind: str, vertex: str, face: str) -> No
     np.testing.assert_allclose(mesh.colours, np.tile([1.0, 0, 0], (4, 1)))
 
 
+def test_a_binary_stl_file_with_something_behind_its_triangles(tmp_path: Path) -> None:
+    box = trimesh.creation.box((1, 2, 3)).export(file_type="stl")
+    (tmp_path / "m.stl").write_bytes(b"solid by hand" + box[13:] + b"\n")
+    np.testing.assert_allclose(read_mesh(tmp_path / "m.stl").bounds, [[-0.5, -1, -1.5], [0.5, 1, 1.5]])
+
+
 def test_a_missing_library_leaves_a_mesh_without_colours(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(f"mtllib gone.mtl\n{SQUARE}usemtl m\n{QUAD}")
     assert not read_textured_mesh(tmp_path / "m.obj").has_colours

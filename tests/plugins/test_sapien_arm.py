@@ -187,6 +187,16 @@ def test_a_collada_shape_is_as_large_as_its_unit_says(make, tmp_path, unit):
     assert arm.clearance(arm.home, 1.0, Scene((), 0.0, arm.workspace)).distance > 0.01
 
 
+@pytest.mark.parametrize(("mass", "xx", "xy"), [(-1, 0.1, 0), (1, -0.1, 0), (1, 0.001, 5)])
+def test_an_inertia_that_no_body_has_is_left_out_and_said(make, caplog, mass, xx, xy):
+    rest = f'<inertia ixx="{xx}" iyy="0.1" izz="0.1" ixy="{xy}" ixz="0" iyz="0"/>'
+    inertial = f'<inertial><mass value="{mass}"/>{rest}</inertial>'
+    robot = ARM.build(make(urdf().replace('<link name="link3">', f'<link name="link3">{inertial}')))
+    robot.reset(Block(), 0)
+    robot.close()
+    assert "<inertial> of link3" in caplog.text
+
+
 def test_neighbours_are_found_and_real_collisions_kept(make):
     arm = make_cell(make()).arm
     raised = make_cell(make(base_position=[0.2, -0.1, 0.3], table_height=0.3)).arm

@@ -187,6 +187,19 @@ def test_masks_as_other_tools_write_them(views, tmp_path, encode):
     assert (read_views(tmp_path)[0].mask == shape).all()
 
 
+def test_pictures_and_masks_named_as_colmap_does(views, tmp_path):
+    folder = _broken(views, tmp_path, lambda d: d["views"][0].update(name="0.png"))
+    (folder / "masks" / "0.png").rename(folder / "masks" / "0.png.png")
+    np.testing.assert_array_equal(read_views(folder)[0].mask, views[0].mask)
+
+
+def test_a_picture_that_lies_on_its_side_is_refused(views, tmp_path):
+    folder = _broken(views, tmp_path, lambda d: d["views"][0].update(K=[[60, 0, 32], [0, 60, 24], [0, 0, 1]]))
+    Image.new("RGB", (48, 64)).save(folder / "images" / "0.png")
+    with pytest.raises(GeometryError, match=r"view '0'.*turned by 90 degrees"):
+        read_views(folder)
+
+
 def test_a_mask_of_several_labels_is_refused(views, tmp_path):
     write_plain(tmp_path, views)
     labels = np.arange(views[0].image[..., 0].size).reshape(views[0].image.shape[:2]) % 3
@@ -215,6 +228,8 @@ def _broken(views, tmp_path, change):
         (lambda d: d["views"][0].update(name="/etc/0"), "view '/etc/0'.*out of the folder"),
         (lambda d: d.update(convention="directx"), "'directx' is unknown.*opencv, opengl"),
         (lambda d: d["views"][0].update(K=[[100, 0, 48], [0, 100, 48], [0, 0, 1]]), "view '0'.*96x96 pixels"),
+        (lambda d: d["views"][0].update(K=[[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]]), "view '0'.*shares"),
+        (lambda d: d["views"][1].update(name="0"), "two views are called '0'"),
         (lambda d: d.update(views=[]), "lists 0 views"),
         (lambda d: d.update(views=[3]), "list 'views'"),
         (lambda d: d.pop("views"), "list 'views'"),

@@ -1,6 +1,7 @@
 """The film of every frame and the arm's states, and the data set for training that they become."""
 
 import json
+import resource
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from gvla2 import cli
-from gvla2.errors import Gvla2Error
+from gvla2.errors import Gvla2Error, OutputError
 from gvla2.record.motion import FILM, STATES, Motion
 from gvla2.robot.backend import Moment
 
@@ -74,6 +75,17 @@ def test_every_frame_has_its_state(tmp_path: Path):
     np.testing.assert_allclose(reds, 30 * np.arange(FRAMES), atol=12)
 
 
+def test_a_film_for_which_there_is_no_room_is_none(tmp_path: Path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OutputError, match="film"):
+            keep(tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_data_set_has_the_published_layout(tmp_path: Path):
     episodes = [
         demonstration(tmp_path / "a"),
@@ -120,6 +132,21 @@ def test_the_tasks_are_a_frame_of_pandas_whose_index_is_the_sentence(tmp_path: P
     tasks = pandas.read_parquet(tmp_path / "set/meta/tasks.parquet")
     assert list(tasks.index) == ["lift it", "push it"]
     assert list(tasks["task_index"]) == [0, 1]
+
+
+def test_a_data_set_for_which_there_is_no_room_is_none(tmp_path: Path):
+    one, limits = demonstration(tmp_path / "a"), resource.getrlimit(resource.RLIMIT_FSIZE)
+    target = tmp_path / "sets" / "set"
+    (target.parent / ".set.unfinished" / "of a killed export").mkdir(parents=True)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, limits[1]))
+    try:
+        with pytest.raises(OutputError, match="set"):
+            write_dataset(target, [one])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list(target.parent.iterdir())
+    write_dataset(target, [one])
+    assert (target / "meta" / "info.json").is_file()
 
 
 def test_a_data_set_that_cannot_be_written_is_refused(tmp_path: Path):

@@ -129,6 +129,7 @@ def test_the_simulator_of_the_page_lifts_its_cube_in_sixty_lines(tmp_path: Path)
         robot, _ = registry.build_all(config, ("robot", "task")).values()
         check_robot(robot)
         robot.reset("toy/lift", 0)
+        assert robot.success_check().relaxed is False
         robot._world.joints = robot.arm.home * np.nan
         with pytest.raises(SimulationError, match="blown up and cannot be observed"):
             robot.observe()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.errors import RobotError
+from gvla2.errors import RobotError, reading
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
@@ -55,13 +55,27 @@ def arm_from_mjcf(model: Any, names: ArmNames, config: ArmConfig, speed: float =
     """The arm of a compiled model (``mujoco.MjModel``), where it stands in the model's world.
 
     ``config`` says what a model leaves open: hand, home, workspace and the table's height. MuJoCo knows no limits of
-    ``speed``: it is that of all joints, rad/s. Links are the bodies that move or that ``names`` has, with what is fixed
-    to them; a link collides by its geometry that collides and is drawn by the rest, or by all where it has one kind.
-    Raises :class:`RobotError` for names that the model lacks and for joints that an arm cannot have.
+    ``speed``: it is that of all joints, rad/s. Raises :class:`RobotError` for names that the model lacks and for joints
+    that an arm cannot have.
+    """
+    names.check(model)
+    with reading("an arm", f"the model of {names.base}", RobotError):
+        description = _described(model, names, speed)
+    base = description.model.frames[description.model.getFrameId(names.base)].placement.translation
+    options = replace(config, tool_link=names.tool, base_position=base.tolist())
+    made = build_arm(description, options, np.eye(4))
+    order = made.arm.kinematics.joint_names
+    if order != names.joints:
+        raise RobotError(f"The joints of the arm from its base on are {', '.join(order)}: name them so.")
+    return made
+
+
+def _described(model: Any, names: ArmNames, speed: float) -> ArmDescription:
+    """The arm's links: the bodies that move or that ``names`` has, with what is fixed to them. A link collides by its
+    geometry that collides and is drawn by the rest, or by all of it where there is one kind.
     """
     import mujoco
 
-    names.check(model)
     data, pin = mujoco.MjData(model), library("pinocchio")
     for name in (*names.joints, *names.fingers):
         data.joint(name).qpos[0] = 0.0
@@ -96,7 +110,7 @@ def arm_from_mjcf(model: Any, names: ArmNames, config: ArmConfig, speed: float =
             coarse = mesh.clustered(CELL)[0] if model.geom_dataid[geom] >= 0 else mesh
             vertices = transform_points(link_from_geom, coarse.vertices)
             looks[link.name].append(Surface(vertices, coarse.faces, np.tile(GREY, (len(coarse.faces), 1)), 0))
-    description = ArmDescription(
+    return ArmDescription(
         source=f"the model of {names.base}",
         model=arm,
         solids=solids,
@@ -104,12 +118,6 @@ def arm_from_mjcf(model: Any, names: ArmNames, config: ArmConfig, speed: float =
         corners={name: np.concatenate(points) for name, points in corners.items()},
         gripper=_gripper(model, names, links),
     )
-    base = data.body(names.base).xpos.tolist()
-    made = build_arm(description, replace(config, tool_link=names.tool, base_position=base), np.eye(4))
-    order = made.arm.kinematics.joint_names
-    if order != names.joints:
-        raise RobotError(f"The joints of the arm from its base on are {', '.join(order)}: name them so.")
-    return made
 
 
 @dataclass(frozen=True)
