@@ -128,6 +128,7 @@ def kept_job(config: Any, folder: Path, run: Callable[[str], tuple[float, Sequen
     except Exception as error:
         refused = isinstance(error, ConfigurationError)
         write_json(folder / JOB, {**job, "status": f"failed: {error}", "refused": refused})
+        _ended("+")
         raise
     made = {"status": "ok", "digest": digest, "value": value, "rows": [vars(row) for row in rows]}
     write_json(folder / JOB, {**job, **made})
