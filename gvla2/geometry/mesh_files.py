@@ -14,8 +14,10 @@ import logging
 import os
 import re
 import struct
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import unquote
@@ -23,6 +25,7 @@ from urllib.parse import unquote
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
+from PIL import Image
 
 from gvla2.errors import GeometryError, MissingDependencyError, reading
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
@@ -134,6 +137,8 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
         return _read_off(_decoded(content)).scene(), from_file, moves
     kind = suffix.removeprefix(".")
     scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
+    if resolver.too_large:
+        raise GeometryError(resolver.too_large)
     return scene, from_file, moves
 
 
@@ -141,10 +146,11 @@ class _BesideResolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
     """Finds a mesh's materials and pictures by the names that other systems write: Windows' paths, ``%20``, another
     case, another machine's folders.
 
-    ``materials`` is the text of an OBJ file's material libraries, joined.
+    ``materials`` is the text of an OBJ file's material libraries, joined; ``too_large`` names a picture that is, and
+    that trimesh would leave out.
     """
 
-    materials = b""
+    materials, too_large = b"", ""
 
     def get(self, name: str) -> bytes:
         """The content of the file of that name, or of the one of its last part beside the mesh."""
@@ -158,7 +164,14 @@ class _BesideResolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
         if found is None:
             log.warning("%s names %s, which is not beside it.", self.clean, name)
             raise FileNotFoundError(errno.ENOENT, f"{name} is not beside it")
-        return found.read_bytes().removeprefix(codecs.BOM_UTF8)
+        content = found.read_bytes()
+        try:
+            with suppress(OSError), warnings.catch_warnings():  # OSError: it is no picture
+                warnings.simplefilter("error", Image.DecompressionBombWarning)
+                Image.open(io.BytesIO(content))
+        except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
+            self.too_large = f"its picture {found} is too large: {error}"
+        return content.removeprefix(codecs.BOM_UTF8)
 
 
 _MATERIALS, _PLAIN = "gvla2_materials", "gvla2_plain"
@@ -433,7 +446,11 @@ def _look(
 
 def _image(material: Any) -> NDArray[np.uint8] | None:
     image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    return None if image is None else np.asarray(image.convert("RGB"), dtype=np.uint8)
+    if image is None:
+        return None
+    if image.width * image.height > (Image.MAX_IMAGE_PIXELS or np.inf):
+        raise GeometryError(f"its picture of {image.width}x{image.height} pixels is too large.")
+    return np.asarray(image.convert("RGB"), dtype=np.uint8)
 
 
 def _unit(colour: Any) -> FloatArray:
