@@ -165,13 +165,20 @@ class _BesideResolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
             log.warning("%s names %s, which is not beside it.", self.clean, name)
             raise FileNotFoundError(errno.ENOENT, f"{name} is not beside it")
         content = found.read_bytes()
-        try:
-            with suppress(OSError), warnings.catch_warnings():  # OSError: it is no picture
-                warnings.simplefilter("error", Image.DecompressionBombWarning)
-                Image.open(io.BytesIO(content))
-        except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
-            self.too_large = f"its picture {found} is too large: {error}"
+        if why := _too_large(content):
+            self.too_large = f"its picture {found} is too large: {why}"
         return content.removeprefix(codecs.BOM_UTF8)
+
+
+def _too_large(content: bytes) -> str:
+    """Why a picture would fill the memory; "" for one that does not, and for what is none."""
+    try:
+        with suppress(OSError), warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            Image.open(io.BytesIO(content))
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
+        return str(error)
+    return ""
 
 
 _MATERIALS, _PLAIN = "gvla2_materials", "gvla2_plain"
@@ -349,6 +356,11 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
         raise GeometryError(f"it uses {', '.join(found)}, which is not read; export it without.")
     if any("sparse" in accessor for accessor in tree.get("accessors", ())):
         raise GeometryError("it has sparse accessors, which are not read; export it without.")
+    for image in tree.get("images", ()) if binary else ():
+        view = tree["bufferViews"][image["bufferView"]] if "bufferView" in image else {"byteLength": 0}
+        begin = 8 + view.get("byteOffset", 0)  # behind the head of the binary chunk
+        if why := _too_large(rest[begin : begin + view["byteLength"]]):
+            raise GeometryError(f"its picture '{image.get('name', '')}' is too large: {why}")
     moves: dict[str, FloatArray] = {}
     sets: dict[int, int] = {}
     for number, material in enumerate(tree.get("materials", ())):
@@ -446,11 +458,7 @@ def _look(
 
 def _image(material: Any) -> NDArray[np.uint8] | None:
     image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    if image is None:
-        return None
-    if image.width * image.height > (Image.MAX_IMAGE_PIXELS or np.inf):
-        raise GeometryError(f"its picture of {image.width}x{image.height} pixels is too large.")
-    return np.asarray(image.convert("RGB"), dtype=np.uint8)
+    return None if image is None else np.asarray(image.convert("RGB"), dtype=np.uint8)
 
 
 def _unit(colour: Any) -> FloatArray:
