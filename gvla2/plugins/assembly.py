@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gvla2.episode.loop import Components
     from gvla2.reconstruction.options import BranchOptions
 
-LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
+LOOP = ("robot", "task", "perceiver", "planner", "fallback", "policy", "verifier")
 GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 
 
@@ -27,9 +27,9 @@ def build_components(
 ) -> Components:
     """All components that the configuration chose; the caller closes the robot and the memory.
 
-    ``choices`` are their names in the record, by default their names by group; ``branch`` the options of the
-    reconstruction branch. A perceiver without a gallery gets the task's known objects. Raises
-    :class:`ConfigurationError` for a camera that the robot would not use.
+    ``choices`` are their names in the record, by default their names by group, without those that nothing uses here;
+    ``branch`` the options of the reconstruction branch. A perceiver without a gallery gets the task's known objects.
+    Raises :class:`ConfigurationError` for a camera that the robot would not use.
     """
     from gvla2.episode.loop import Components
     from gvla2.episode.refine import GeometryComponents
@@ -49,8 +49,15 @@ def build_components(
     built: dict[str, Any] = {}
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
     if choices is None:
-        chosen = [group for group in registry.groups if group != "language" or group in built]
-        choices = {kind: getattr(config, kind).name for kind in chosen}
+        idle = GEOMETRY[1:] if registry.chosen(config, "reconstructor") == NONE else ()
+        needs = {
+            need
+            for kind in registry.kinds
+            for one in registry.components(kind).values()
+            for need in one.needs
+        }
+        idle = {*idle, *(needs - set(built))}
+        choices = {kind: getattr(config, kind).name for kind in registry.groups if kind not in idle}
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
     return Components(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
