@@ -250,7 +250,8 @@ def read_jobs(folder: Path) -> list[tuple[Path, Mapping[str, Any]]]:
                     Measured(dict(r["factors"]), dict(r["measures"]), dict(r["notes"]))
                     for r in job.get("rows", ())
                 ]
-                if not all(math.isfinite(value) for row in rows for value in row.measures.values()):
+                measures = [value for row in rows for value in row.measures.values() if value is not None]
+                if not all(map(math.isfinite, measures)):
                     raise ValueError("its measures are not finite")
                 texts = {name: str(job[name]) for name in ("status", "results")}
                 whole = {
