@@ -188,9 +188,9 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
     explorer = BenchArm(EXPLORED, "off", replan=config.exploration_replan)
     seeds = list(dict.fromkeys(config.exploration_seeds))
     half = len(seeds) // 2 if "drift" in stresses_of(config) else 0
+    before = {name: {**task, "drifted": False} for name, task in rows.items()}
     exploring = []
-    for some, drifted in ((seeds[:half], False), (seeds[half:], True)):
-        then = rows if drifted else {name: _before_drift(task) for name, task in rows.items()}
+    for some, then in [(seeds[:half], before)] * bool(half) + [(seeds[half:], rows)]:
         past_world = _around(exploration, registry, then)
         for subject, seed in product(explored, some):
             here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
@@ -216,10 +216,6 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
                 EpisodeUnit(keys, label, tested, subject, task, arm, layout, factors, PROFILES, world)
             )
     return Design(config, rows, plan, exploring)
-
-
-def _before_drift(task: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in task.items() if name != "drifted"}
 
 
 def _around(
