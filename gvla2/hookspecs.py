@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     )
     from gvla2.record.tracker import Tracker, Viewer
     from gvla2.robot.backend import DepthCamera, RobotBackend
+    from gvla2.robot.policy import Policy
     from gvla2.robot.task import Task
 
 
@@ -117,6 +118,11 @@ def gvla2_planners() -> Iterable[Component[Planner]]:
 
 
 @hookspec
+def gvla2_policies() -> Iterable[Component[Policy]]:
+    """Return policies: pictures to joint targets, in closed loop instead of a plan. Hydra group ``policy``."""
+
+
+@hookspec
 def gvla2_verifiers() -> Iterable[Component[Verifier]]:
     """Return verifiers: a verdict on an episode from its evidence. Hydra group ``verifier``."""
 
@@ -174,9 +180,9 @@ def protocol_of(hook: Callable[[], object]) -> type:
     from gvla2.planning import contracts as planning
     from gvla2.reconstruction import contracts as reconstruction
     from gvla2.record import tracker
-    from gvla2.robot import backend, task
+    from gvla2.robot import backend, policy, task
 
-    modules = (agents, language, memory, planning, reconstruction, tracker, backend, task)
+    modules = (agents, language, memory, planning, reconstruction, tracker, backend, policy, task)
     names = {name: value for module in modules for name, value in vars(module).items()}
     returned = get_type_hints(hook, localns={**names, "Component": Component, "Iterable": Iterable})["return"]
     (component,) = get_args(returned)

@@ -64,7 +64,7 @@ def test_a_sweep_becomes_a_table_of_what_varied_by_tasks_with_paired_tests():
     assert list(rows) == ["memory=none", "memory=governed"], "quiet did not vary"
     assert (none["lift"], none["push"][0], none["mean"]) == (("0.0", "[0, 32] 0/8"), "100.0", ("50.0",))
     assert (governed["lift"][0], governed["mean"]) == ("100.0 *", ("100.0",))
-    points, _, counts, tasks = governed["against the first row"]
+    points, _, counts, _, tasks = governed["against the first row"]
     assert (points, counts, tasks) == ("+50.0 points", "8 : 0 of 16, p 0.00781", "lift +")
     assert (none["slipped"], none["goal_not_reached"], none["episodes"]) == (("3",), ("5",), ("16",))
     assert (governed["slipped"], governed["jobs"]) == (("0",), ("2",))

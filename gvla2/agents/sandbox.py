@@ -155,7 +155,7 @@ def _keyless() -> Iterator[tuple[Sequence[int], Sequence[str]]]:
     """A file descriptor and bubblewrap's arguments for a filter of system calls (seccomp) that refuses the kernel's
     keyrings: no namespace hides those of the host's user.
 
-    Neither is there for a machine whose calls we do not know.
+    There is no filter for a machine whose calls are not known here.
     """
     if (known := _KEY_CALLS.get(platform.machine())) is None:
         yield (), ()

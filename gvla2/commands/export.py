@@ -30,7 +30,7 @@ Write the episodes of runs as a data set of LeRobot (layout v3.0): the arm's joi
 the film of each camera, the instruction; and as columns of meta/episodes the seed, the run, success, the verifier's
 verdict, and stage and kind of a failure. A RUN is the folder of a run, of a sweep, or any folder above them.
 only=success, the default, takes the episodes that the success check, or without one the verifier, calls a success.
-Runs for training: gvla2 run -m experiment=demonstrations task=... 'seed=range(50)'. Needs gvla2[export].
+Runs for training: gvla2 run -m +experiment=demonstrations task=... 'seed=range(50)'. Needs gvla2[export].
 """
 
 
@@ -82,7 +82,7 @@ def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
         reasons = f"{f'{reasons}, ' if reasons else ''}{len(broken)} unreadable: {listed}"
     if not episodes:
         raise Gvla2Error(f"Nothing to export below {', '.join(map(str, runs))}: {reasons or 'no episodes'}.")
-    write_dataset(target, sorted(episodes, key=lambda one: (one.task, one.labels["seed"], one.labels["run"])))
+    write_dataset(target, sorted(episodes, key=lambda one: (one.labels["seed"], one.labels["run"])))
     frames = sum(len(episode.states) for episode in episodes)
     left_out = f"; left out: {reasons}" if reasons else ""
     return f"{count(len(episodes), 'episode')}, {frames} frames: {target}{left_out}"
@@ -116,6 +116,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     failure = result.get("failure") or {}
     labels = {
         "seed": int(result.get("seed", -1)),
+        "environment": result.get("task") or "",
         "run": "/".join(folder.absolute().parts[-2:]),
         "success": bool(succeeded),
         "verdict": result.get("verdict") or "",
@@ -143,6 +144,8 @@ def _source(folder: Path, result: Mapping[str, Any]) -> tuple[str, tuple[str, ..
     found = OmegaConf.load(config) if config.is_file() else OmegaConf.create()
     options: Any = OmegaConf.to_container(found)  # unresolved: another's file may name our environment
     robot = options.get("robot") or result.get("robot_options") or {}
-    cameras = robot.get("video_cameras") or list(robot.get("cameras") or ())[:1]
+    cameras = list(robot.get("cameras") or ())[:1]
+    if robot.get("video_cameras") and not result.get("policy"):  # a policy is filmed by the first camera
+        cameras = list(robot["video_cameras"])
     urdf = f"urdf {robot['urdf']}" if robot.get("urdf") else ""
     return urdf, tuple(cameras) or (NO_NAME,)

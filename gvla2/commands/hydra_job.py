@@ -122,6 +122,7 @@ def launch(command: str, configs: Mapping[str, type], function: JobFunction, arg
     registry = _register(configs, configs[command])
     task = HydraTask(function, registry)
     try:
+        argv = named_policy(argv)
         if "instruction" in {each.name for each in fields(configs[command])}:
             argv = quoted_instruction(argv)
         argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
@@ -156,7 +157,7 @@ def composed(
     schema = schemas()[command]
     registry = _register({command: schema}, schema, registry)
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
-        return typed(hydra.compose(command, quoted_instruction(overrides))), registry
+        return typed(hydra.compose(command, quoted_instruction(named_policy(overrides)))), registry
 
 
 def typed(config: DictConfig) -> Any:
@@ -212,6 +213,16 @@ def _run_once(command: str, task: HydraTask, argv: Sequence[str]) -> None:
         application = GlobalHydra.instance().hydra
         assert application is not None
         application.run(command, task, list(argv))
+
+
+def named_policy(argv: Sequence[str]) -> list[str]:
+    """The arguments with ``policy=PATH``, of a checkpoint, as the policy that reads it and its option."""
+    made: list[str] = []
+    for word in argv:
+        option, _, path = word.partition("=")
+        is_path = option == "policy" and "," not in path and (os.sep in path or Path(path).is_dir())
+        made += ["policy=lerobot", f"policy.path={_text(path)}"] if is_path else [word]
+    return made
 
 
 def quoted_instruction(argv: Sequence[str]) -> list[str]:

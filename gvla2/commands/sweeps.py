@@ -128,6 +128,7 @@ def kept_job(config: Any, folder: Path, run: Callable[[str], tuple[float, Sequen
     except Exception as error:
         refused = isinstance(error, ConfigurationError)
         write_json(folder / JOB, {**job, "status": f"failed: {error}", "refused": refused})
+        _ended("+")
         raise
     made = {"status": "ok", "digest": digest, "value": value, "rows": [vars(row) for row in rows]}
     write_json(folder / JOB, {**job, **made})
@@ -228,6 +229,9 @@ def conclude(command: str, status: int, argv: Sequence[str]) -> int:
     except Gvla2Error as error:
         print(f"gvla2: the table of the sweep could not be made: {printable(str(error))}", file=sys.stderr)
         status = status or 1
+    planned = _read(folder / _SWEEP).get("jobs") or 0
+    if status and len(jobs) < planned:
+        print(f"gvla2: {planned - len(jobs)} of {planned} jobs did not begin.", file=sys.stderr)
     broken = any(job.get("status") != "ok" and not job.get("refused") for _, job in jobs)
     if status in _STOPPED or (status and broken):
         words = [word for word in argv if not word.startswith("hydra.sweep.dir=")]
@@ -247,7 +251,8 @@ def read_jobs(folder: Path) -> list[tuple[Path, Mapping[str, Any]]]:
                     Measured(dict(r["factors"]), dict(r["measures"]), dict(r["notes"]))
                     for r in job.get("rows", ())
                 ]
-                if not all(math.isfinite(value) for row in rows for value in row.measures.values()):
+                measures = [value for row in rows for value in row.measures.values() if value is not None]
+                if not all(map(math.isfinite, measures)):
                     raise ValueError("its measures are not finite")
                 texts = {name: str(job[name]) for name in ("status", "results")}
                 whole = {

@@ -44,6 +44,7 @@ from gvla2.episode.lessons import memory_task, stories_of, transcript
 from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
 from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
 from gvla2.episode.refine import GeometryComponents, refine_scene
+from gvla2.episode.rollout import roll_out
 from gvla2.errors import Gvla2Error, SimulationError, kept_alive
 from gvla2.geometry.exchange import read_only
 from gvla2.geometry.views import Observation
@@ -57,6 +58,7 @@ from gvla2.planning.skill import Skill
 from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend, TimeLimited
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.options import DepthNoise
+from gvla2.robot.policy import Policy
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
 from gvla2.skills.table import STANDARD
@@ -69,8 +71,9 @@ if TYPE_CHECKING:
 class Components:
     """The components of one run, built; ``choices`` are their names by Hydra group, ``plugins`` those of their plugins.
 
-    ``fallback`` plans where the planner fails or declines for want of means; ``skills`` are those that planners call;
-    ``language`` is the model that some of them ask, None if none does.
+    ``fallback`` plans where the planner fails or declines for want of means; a ``policy``, if there is one, drives
+    instead of all stages between setup and success check; ``skills`` are those that planners call; ``language`` is the
+    model that some of them ask, None if none does.
     """
 
     robot: RobotBackend
@@ -82,6 +85,7 @@ class Components:
     verifier: Verifier
     choices: Mapping[str, str]
     fallback: Planner | None = None
+    policy: Policy | None = None
     skills: Mapping[str, Skill] = field(default_factory=lambda: STANDARD)
     language: LanguageModel | None = None
     plugins: Mapping[str, str] = field(default_factory=dict)
@@ -192,7 +196,12 @@ def run_episode(
     )
     once = counted(once)
     again = tuple(entry for entry in once if entry[0] != "recall")  # its answer stays
-    record = _go_through((("setup", lambda r: _set_up(r, components, request)), *once), record, listener)
+    setup: _Stages = (("setup", lambda r: _set_up(r, components, request)),)
+    judged: _Stages = (("success_check", lambda r: _check_success(r, components)),)
+    if (policy := components.policy) is not None:
+        driven: _Stages = (("execute", lambda r: roll_out(r, policy, components.robot, _moving(listener))),)
+        return _go_through((*setup, *driven, *judged), record, listener)
+    record = _go_through((*setup, *once), record, listener)
     record = _to_the_end(record, again, listener, components, request)
     for _ in range(request.replan):
         if not should_replan(record, components.skills):
@@ -201,10 +210,7 @@ def run_episode(
         if not moved:
             break
         record = _to_the_end(record, again, listener, components, request)
-    closing: _Stages = (
-        ("learn", lambda r: _learn(r, components)),
-        ("success_check", lambda r: _check_success(r, components)),
-    )
+    closing: _Stages = (("learn", lambda r: _learn(r, components)), *judged)
     return _go_through(counted(closing), record, listener)
 
 

@@ -15,6 +15,7 @@ from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.backend import SuccessCheck
+from gvla2.robot.policy import Rollout
 from gvla2.robot.report import AbortCode, ExecutionReport
 
 Stage = Literal[
@@ -108,7 +109,8 @@ class EpisodeRecord:
     ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is the success check's
     criterion, in words. ``timings`` are wall seconds per stage. ``language`` is the language models' cost so far, by
     purpose. ``notes`` are fallbacks and warnings, each a sentence that the run's page shows. ``success_check`` is the
-    simulator's, from true state; it is filled last, so nothing can learn from it. ``attempts`` are the records of the
+    simulator's, from true state; it is filled last, so nothing can learn from it. ``rollout`` is what a policy did,
+    where one drives instead of a plan. ``attempts`` are the records of the
     attempts before this one, first to last, each with its own timings and no attempts; an episode that never replanned
     has none. A program that takes several plans is carried out part by part: ``parts`` are the records of the earlier
     parts of the same attempt, again without parts of their own. A ``second_try`` repeats the calls of the part that
@@ -128,6 +130,7 @@ class EpisodeRecord:
     plan: Plan | None = None
     checks: CheckReport | None = None
     report: ExecutionReport | None = None
+    rollout: Rollout | None = None
     after: Observation | None = None
     after_scene: Scene | None = None
     verdict: Verdict | None = None
@@ -217,6 +220,7 @@ class EpisodeRecord:
             "instruction": self.instruction,
             **{kind: self.choices.get(kind) for kind in ("robot", "planner", "perceiver", "memory")},
             "fallback": self.plan.fallback if self.plan else "",
+            "policy": asdict(self.rollout) if self.rollout else None,
             "choices": dict(self.choices),
             **{name: last[name] for name in ("skill", "parameters", "failure", "timings")},
             "language": {purpose: dict(tally) for purpose, tally in self.language.items()},

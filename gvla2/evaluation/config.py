@@ -168,7 +168,7 @@ class RobotBench(MemoryArms, BranchBench):
     ``replan`` further attempts are allowed; where the planner fails, ``fallback`` plans, if there is one. With
     ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
     model was unavailable: it counts for no arm, and the next bench measures it again. The reconstruction branch runs
-    where a ``reconstructor`` is chosen.
+    where a ``reconstructor`` is chosen. A ``policy`` stands beside planners in the tables; its arm is ``off``.
 
     ``films`` are kept of "none" of the test's episodes, of "failures", or of "all": each is the folder of a run. Tasks
     named SUITE/NUMBER are also counted by suite and by ``groups`` of suites, beside ``published`` results: by system,
@@ -199,6 +199,7 @@ class RobotBench(MemoryArms, BranchBench):
     published: dict[str, Any] = field(default_factory=dict)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     fallback: ComponentConfig = field(default_factory=ComponentConfig)
+    policy: ComponentConfig = field(default_factory=ComponentConfig)
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:

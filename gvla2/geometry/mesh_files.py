@@ -14,8 +14,10 @@ import logging
 import os
 import re
 import struct
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import unquote
@@ -23,6 +25,7 @@ from urllib.parse import unquote
 import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
+from PIL import Image
 
 from gvla2.errors import GeometryError, MissingDependencyError, reading
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
@@ -134,6 +137,8 @@ def _load(source: Path, suffix: str, up: Literal["file", "z"]) -> tuple[trimesh.
         return _read_off(_decoded(content)).scene(), from_file, moves
     kind = suffix.removeprefix(".")
     scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
+    if resolver.too_large:
+        raise GeometryError(resolver.too_large)
     return scene, from_file, moves
 
 
@@ -141,10 +146,11 @@ class _BesideResolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
     """Finds a mesh's materials and pictures by the names that other systems write: Windows' paths, ``%20``, another
     case, another machine's folders.
 
-    ``materials`` is the text of an OBJ file's material libraries, joined.
+    ``materials`` is the text of an OBJ file's material libraries, joined; ``too_large`` names a picture that is, and
+    that trimesh would leave out.
     """
 
-    materials = b""
+    materials, too_large = b"", ""
 
     def get(self, name: str) -> bytes:
         """The content of the file of that name, or of the one of its last part beside the mesh."""
@@ -158,7 +164,21 @@ class _BesideResolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
         if found is None:
             log.warning("%s names %s, which is not beside it.", self.clean, name)
             raise FileNotFoundError(errno.ENOENT, f"{name} is not beside it")
-        return found.read_bytes().removeprefix(codecs.BOM_UTF8)
+        content = found.read_bytes()
+        if why := _too_large(content):
+            self.too_large = f"its picture {found} is too large: {why}"
+        return content.removeprefix(codecs.BOM_UTF8)
+
+
+def _too_large(content: bytes) -> str:
+    """Why a picture would fill the memory; "" for one that does not, and for what is none."""
+    try:
+        with suppress(OSError), warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            Image.open(io.BytesIO(content))
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
+        return str(error)
+    return ""
 
 
 _MATERIALS, _PLAIN = "gvla2_materials", "gvla2_plain"
@@ -336,6 +356,11 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
         raise GeometryError(f"it uses {', '.join(found)}, which is not read; export it without.")
     if any("sparse" in accessor for accessor in tree.get("accessors", ())):
         raise GeometryError("it has sparse accessors, which are not read; export it without.")
+    for image in tree.get("images", ()) if binary else ():
+        view = tree["bufferViews"][image["bufferView"]] if "bufferView" in image else {"byteLength": 0}
+        begin = 8 + view.get("byteOffset", 0)  # behind the head of the binary chunk
+        if why := _too_large(rest[begin : begin + view["byteLength"]]):
+            raise GeometryError(f"its picture '{image.get('name', '')}' is too large: {why}")
     moves: dict[str, FloatArray] = {}
     sets: dict[int, int] = {}
     for number, material in enumerate(tree.get("materials", ())):

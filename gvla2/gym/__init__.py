@@ -12,7 +12,7 @@ from typing import Any
 from gvla2.errors import MissingDependencyError
 from gvla2.plugins.registry import Registry, load_plugins
 
-__all__ = ["RecordRollouts", "env_id", "register_envs"]
+__all__ = ["RecordRollouts", "env_id", "register_envs", "replay"]
 
 NAMESPACE, VERSION = "gvla2", 0
 
@@ -48,11 +48,15 @@ def register_envs(registry: Registry | None = None) -> tuple[str, ...]:
 
 
 def __getattr__(name: str) -> Any:
-    if name != "RecordRollouts":  # imported when it is asked for: it brings numpy
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from gvla2.gym.recording import RecordRollouts
+    if name == "RecordRollouts":  # imported when they are asked for: they bring numpy
+        from gvla2.gym.recording import RecordRollouts
 
-    return RecordRollouts
+        return RecordRollouts
+    if name == "replay":
+        from gvla2.gym.replaying import replay
+
+        return replay
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 register_envs()

@@ -15,13 +15,15 @@ from gvla2.geometry.transform import FloatArray, check_rigid, rigid
 from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint, grasp_rotation
-from gvla2.robot.backend import RobotBackend, SuccessCheck, Truthful, judge
+from gvla2.robot.backend import RobotBackend, SuccessCheck
 from gvla2.robot.driver import DriverState, Servo
 from gvla2.robot.report import WaypointReport
 from gvla2.robot.task import TaskInstance
 
 RATE = 20.0
 """Joint changes a second."""
+TURN = 2.0 * np.pi
+"""Bound of a joint's target, radians; the arm's own limits are narrower."""
 SAME_GRIP = 0.02
 """A command that differs less from the last one leaves the fingers as they are: a grasp keeps its grip."""
 NOT_MOVED = ("unreachable", "no_path", "collision")
@@ -44,6 +46,8 @@ class WaypointActions:
 
     period = 1.0
     """Seconds that an action counts as in recordings."""
+    command: FloatArray | None = None
+    """Where the last action drives the joints and the fingers' width; None, since a waypoint says neither."""
 
     def __init__(self, robot: RobotBackend, speed: float) -> None:
         self._robot, self._speed, self._box = robot, speed, robot.arm.workspace
@@ -149,12 +153,14 @@ class JointActions:
         self._robot, self._servo, self._step = robot, robot, joint_step
         self.space = spaces.Box(np.array([-1.0] * dof + [0.0], np.float32), np.ones(dof + 1, np.float32))
         self.info: dict[str, Any] = {}
+        self.command: FloatArray
         self.state: DriverState
         self._seen: Observation | None
 
     def begin(self, instance: TaskInstance, seen: Observation) -> None:
         """Start an episode where the robot stands."""
-        self._instance, self._seen, self._target = instance, seen, seen.joints
+        self._seen, self._target = seen, seen.joints
+        self.command = np.append(seen.joints, seen.gripper_width)
         self.state = self._servo.servo(seen.joints, seen.gripper, 0.0)
 
     @property
@@ -172,20 +178,44 @@ class JointActions:
         reached, the arm holds still until that is checked. Raises :class:`RobotError` for an action of another shape or
         with numbers that are not finite, and when the simulation has blown up.
         """
-        numbers = _clipped(action, self.space, "a change for each joint, gripper")
-        measured, most = self.state.joints, 4 * self._step
-        joints = measured + np.clip(self._target + self._step * numbers[:-1] - measured, -most, most)
-        opening = float(numbers[-1])
+        joints, opening = self._goal(action)
+        self.command = np.append(joints, opening * self._robot.arm.hand.max_width)
         self.state = self._servo.servo(joints, opening, self.period)
         self._target, self._seen = joints, None
-        if isinstance(self._robot, Truthful):
-            now = judge(self._instance, self._robot.true_state())
-            if now is not None and not (now.relaxed or now.strict):
-                return SuccessCheck(False, False)
+        if not self._servo.reached():
+            return SuccessCheck(False, False)
         success_check = self._robot.success_check()
         self.state = self._servo.servo(self.state.joints, opening, 0.0)
         self._target = self.state.joints
         return success_check or SuccessCheck(False, False)
+
+    def _goal(self, action: ArrayLike) -> tuple[FloatArray, float]:
+        """Joints (dof,) and opening in [0, 1] that an action means."""
+        numbers = _clipped(action, self.space, "a change for each joint, gripper")
+        measured, most = self.state.joints, 4 * self._step
+        joints = measured + np.clip(self._target + self._step * numbers[:-1] - measured, -most, most)
+        return joints, float(numbers[-1])
+
+
+class JointPositions(JointActions):
+    """The joints themselves, radians, and the width between the fingers, metres, as exported data sets have them.
+
+    Where the hand holds something, a smaller width squeezes it. All else is as for changes of the joints.
+    """
+
+    def __init__(self, robot: RobotBackend) -> None:
+        super().__init__(robot, 0.0)
+        self._most = robot.arm.hand.max_width
+        low, high = (
+            np.full(len(robot.arm.home) + 1, -TURN, np.float32),
+            np.full(len(robot.arm.home) + 1, TURN, np.float32),
+        )
+        low[-1], high[-1] = 0.0, self._most
+        self.space = spaces.Box(low, high)
+
+    def _goal(self, action: ArrayLike) -> tuple[FloatArray, float]:
+        numbers = _clipped(action, self.space, "the joints, the width between the fingers")
+        return numbers[:-1], float(numbers[-1] / self._most)
 
 
 def _clipped(action: ArrayLike, space: spaces.Box, names: str) -> FloatArray:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
-from gvla2.gym.actions import JointActions, WaypointActions
+from gvla2.gym.actions import JointActions, JointPositions, WaypointActions
 from gvla2.planning.arm import Arm
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.backend import Truthful
@@ -29,7 +29,7 @@ BEYOND = 1.0
 MOST_BODIES = 16
 """Rows for true poses; layouts have four to a dozen bodies, and spaces don't change from one episode to the next."""
 
-Control = Literal["waypoint", "joint_delta"]
+Control = Literal["waypoint", "joint_delta", "joint_position"]
 ObservationMode = Literal["rgbd", "state"]
 Arrays = dict[str, NDArray[Any]]
 
@@ -42,6 +42,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     Objects on the table are not obstacles: avoiding them is up to the agent. A waypoint that cannot be reached moves
     nothing, costs its step, and is reported in ``info["waypoint"]``. ``control="joint_delta"``: an action changes the
     joints' targets (see :class:`~gvla2.gym.actions.JointActions`), 20 times a second; nothing is planned or checked.
+    ``control="joint_position"``: it is the targets (see :class:`~gvla2.gym.actions.JointPositions`).
 
     The observation holds ``tcp`` (7,): x, y, z in metres and the quaternion x, y, z, w (x >= 0), world; ``gripper``
     (1,): width between the fingers, metres; ``joints`` (dof,), radians. With ``obs_mode="rgbd"`` there are ``rgb``
@@ -102,8 +103,8 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         # As composed: recordings of two arms of one robot's name differ in them.
         self.robot_options: Mapping[str, Any] = asdict(registry.configure(root, "robot")[0])
         built = registry.build_all(root, ("robot", "task"))
-        self.robot_name = robot
-        """As in ``robot=``."""
+        self.robot_name, self.task_name = robot, task
+        """As in ``robot=`` and ``task=``."""
         self._robot, self._task, self._profile = built["robot"], built["task"], profile
         self.shows_pictures, self.render_mode = obs_mode == "rgbd", render_mode
         self._instance: TaskInstance | None = None
@@ -111,10 +112,12 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         self._shown: dict[str, Any] = {}
         try:
             self.actions: WaypointActions | JointActions
-            waypoints = control == "waypoint"
-            self.actions = (
-                WaypointActions(self._robot, speed) if waypoints else JointActions(self._robot, joint_step)
-            )
+            if control == "waypoint":
+                self.actions = WaypointActions(self._robot, speed)
+            elif control == "joint_delta":
+                self.actions = JointActions(self._robot, joint_step)
+            else:
+                self.actions = JointPositions(self._robot)
             self.action_space = self.actions.space
             self._lay_out(0, None)  # the cameras themselves know how large the images are
             self.observation_space = gymnasium.spaces.Dict(self._spaces())

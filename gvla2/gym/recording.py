@@ -55,6 +55,8 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
         self._motion, self._steps = Motion(self._place), 0
         self._result = {
             "episode": f"rollout-{self._place.name}",
+            "task": self._task.task_name,
+            "seed": -1 if given.get("seed") is None else given["seed"],
             "instruction": info["instruction"],
             "robot": self._task.robot_name,
             "robot_options": dict(self._task.robot_options),
@@ -80,7 +82,8 @@ class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[
     def _note(self, seen: Step) -> None:
         if self._motion is not None:
             seconds, opening = self._steps * self._task.actions.period, float(seen["gripper"][0])
-            self._motion.moment(Moment(seconds, seen["joints"].astype(np.float64), opening))
+            joints, command = seen["joints"].astype(np.float64), self._task.actions.command
+            self._motion.moment(Moment(seconds, joints, opening, command=command))
             self._motion.frame(seen["rgb"][0])
             self._steps += 1
 

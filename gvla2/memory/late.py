@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import Learned, Lesson, Memory, MemoryContext, MemoryEpisode, MemoryTask, Verdict
@@ -23,15 +22,6 @@ class StoreOptions:
     url: str = ""
     bank: str = "default"
     busy_seconds: float = 5.0
-
-
-@runtime_checkable
-class Admits(Protocol):
-    """A memory that tells lessons from outside from its own experience."""
-
-    def admit(self, lesson: Lesson, verdict: Verdict, *, task: MemoryTask, source: str) -> Learned:
-        """Take a lesson of ``source`` that comes with a verdict of its own."""
-        ...
 
 
 class LateMemory:
@@ -67,8 +57,9 @@ class LateMemory:
         """A lesson from outside: admitted as such by a memory that can, an episode for any other."""
         try:
             memory = self._opened()
-            if isinstance(memory, Admits):
-                return memory.admit(lesson, verdict, task=task, source=source)
+            admit: Callable[..., Learned] | None = getattr(memory, "admit", None)
+            if admit is not None:
+                return admit(lesson, verdict, task=task, source=source)
             return memory.learn(MemoryEpisode(task, (lesson,), source=source), verdict)
         except Gvla2Error as error:
             return Learned(degraded=str(error))

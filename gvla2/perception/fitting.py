@@ -178,7 +178,7 @@ def coarse_starts(
     best = np.argsort(gaps, kind="stable")
     # A can lies as well on its lid: each resting pose has a place among the best.
     lying = checked[best] % len(low) // len(TURNS)
-    among = np.array([np.count_nonzero(lying[:k] == lying[k]) for k in range(len(best))])
+    among = np.tril(lying[:, None] == lying, -1).sum(axis=1)
     best = best[np.argsort(among >= ALIKE, kind="stable")][:POSES]
     return float(gaps[best[0]]), [rigid(turns[i], shifts[i]) for i in checked[best]]
 
@@ -333,9 +333,8 @@ def turned(fit: Fit, seen: SeenPoints) -> Fit:
 
     The surface of a can or a bottle does not tell how it is turned; its label does.
     """
-    middle = fit.world_from_scan[:3, 3]
-    around = rigid(None, middle) @ np.stack([rigid(turn) for turn in TURNS[1:]]) @ rigid(None, -middle)
-    poses = around @ fit.world_from_scan
+    poses = np.tile(fit.world_from_scan, (len(TURNS) - 1, 1, 1))
+    poses[:, :3, :3] = TURNS[1:] @ poses[:, :3, :3]  # about the scan's middle, which stays
     some = seen.points[:: max(1, len(seen.points) // FINE)]
     gaps = fit.scan.nearest.mean_distances(some, poses[:, :3, :3], poses[:, :3, 3], TRUNCATED)
     found = [fit, *(judged(fit.scan, seen, pose) for pose in poses[gaps < fit.gap + AS_WELL])]

@@ -10,11 +10,13 @@ import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError
+from gvla2.geometry.compiled import run_together
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import Observation
 from gvla2.perception.articulated import with_parts
@@ -173,7 +175,8 @@ class Gallery:
         grid = seen_grid(points, sights, table) if large else None
         if grid is None:
             return found
-        fits = [fit for scan in large if (fit := find_large(scan, grid, sights, table)) is not None]
+        places = run_together([partial(find_large, scan, grid, sights, table) for scan in large])
+        fits = [fit for fit in places if fit is not None]
         free = np.ones(len(points), dtype=bool)
         for fit in sorted(fits, key=likelihood, reverse=True):
             odds = fit.odds

@@ -32,7 +32,7 @@ class NearestPoints:
         size = np.ceil((high + reach - self.low) / self.cell).astype(int) + 1
         occupied = np.full(size, -1, dtype=np.int32)
         occupied[self._places(points, size)] = np.arange(len(points))
-        _, at = distance_transform_edt(occupied < 0, return_indices=True)
+        at = distance_transform_edt(occupied < 0, return_distances=False, return_indices=True)
         self.table: NDArray[np.int32] = occupied[tuple(at)]
 
     def query(self, points: FloatArray) -> tuple[FloatArray, NDArray[np.int32]]:

@@ -76,11 +76,10 @@ def appearance(rgb: ArrayLike) -> FloatArray:
     stay: they give hue and saturation under any shading. Lightness comes third, weighted down. A difference of about 10
     is obvious to a person, one of 25 is not hidden by shading.
     """
-    from skimage.color import rgb2lab
+    from gvla2.geometry.lab import looks_of
 
     values = np.clip(np.asarray(rgb, dtype=np.float64), 0.0, 1.0)
-    L, a, b = np.moveaxis(rgb2lab(values.reshape(1, -1, 3)).reshape(values.shape), -1, 0)
-    return np.stack([100.0 * a / (L + 16.0), 100.0 * b / (L + 16.0), LIGHTNESS_WEIGHT * L], axis=-1)
+    return looks_of(values.reshape(-1, 3), LIGHTNESS_WEIGHT).reshape(values.shape)
 
 
 def colour_distance(one: ArrayLike, other: ArrayLike) -> FloatArray:

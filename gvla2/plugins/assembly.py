@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gvla2.episode.loop import Components
     from gvla2.reconstruction.options import BranchOptions
 
-LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
+LOOP = ("robot", "task", "perceiver", "planner", "fallback", "policy", "verifier")
 GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 
 

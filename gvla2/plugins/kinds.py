@@ -83,6 +83,7 @@ _CORE = (
     _kind("inducer", hookspecs.gvla2_inducers, "rules"),
     _kind("judge", hookspecs.gvla2_judges),
     _kind("planner", hookspecs.gvla2_planners, "skill"),
+    _kind("policy", hookspecs.gvla2_policies),
     _kind("verifier", hookspecs.gvla2_verifiers, "geometric"),
     _kind("agent", hookspecs.gvla2_agents),
     _kind("tracker", hookspecs.gvla2_trackers),

@@ -100,3 +100,7 @@ class Servo(Protocol):
         simulation has blown up.
         """
         ...
+
+    def reached(self) -> bool:
+        """Whether the episode's goal looks reached now, by true state; nothing moves, so it may be passing through."""
+        ...

@@ -198,7 +198,7 @@ class SimulatedRobot(DrivenRobot):
             if driver.time - shot < 1.0 / rate - 1e-9 or not driver.world.sane():
                 return
             shot, draw = driver.time, driver.world.draw_later()
-            listener.moment(Moment(driver.time, state.joints, state.gripper_width, draw))
+            listener.moment(Moment(driver.time, state.joints, state.gripper_width, draw, driver.command))
             if listener.wants_frames:
                 listener.frame(draw())
 
@@ -215,6 +215,17 @@ class SimulatedRobot(DrivenRobot):
             driver.hold(1)
         done = driver.succeeded()
         return None if done is None else SuccessCheck(done, done)
+
+    def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
+        """Drive the arm by joint targets; see :class:`gvla2.robot.driver.Servo`."""
+        driver = self.driver("moved")
+        driver.film = _nothing
+        driver.servo(np.asarray(joints, dtype=np.float64), opening, seconds)
+        return self.driver("moved").state()
+
+    def reached(self) -> bool:
+        """Whether the world's own check was met at any step so far."""
+        return bool(self.driver("judged").succeeded())
 
     def seconds_left(self) -> float:
         """Simulated seconds that the world still allows, infinite without a limit."""
@@ -265,6 +276,7 @@ class StepDriver:
         self.film: Callable[[], None] = _nothing
         self._max_width = world.robot.arm.hand.max_width
         self._opening = 1.0  # that the hand was sent to
+        self._target = self.joints  # that the arm was sent to
         self._reached = False
 
     @property
@@ -281,6 +293,11 @@ class StepDriver:
     def time(self) -> float:
         """Simulated seconds of the episode."""
         return self.world.steps / self.world.rate
+
+    @property
+    def command(self) -> FloatArray:
+        """(dof + 1,) the joints and the width between the fingers that the last step was sent to."""
+        return np.append(self._target, self._opening * self._max_width)
 
     def state(self) -> DriverState:
         """The measured state, now."""
@@ -332,6 +349,13 @@ class StepDriver:
             self._step(still)
         return GripResult(self.width, self.width > opening * self._max_width + STOPPED_SHORT)
 
+    def servo(self, joints: FloatArray, opening: float, seconds: float) -> None:
+        """Drive on to joints (dof,) and an opening in [0, 1] for ``seconds``, arriving or not; nothing settles."""
+        start, self._opening = self._target, opening
+        for share in np.linspace(0.0, 1.0, 1 + round(seconds * self.world.rate))[1:]:
+            if not self._over():
+                self._step(start + share * (joints - start))
+
     def hold(self, steps: int = HOLD_STEPS) -> None:
         """Stop at the measured position and stay there."""
         joints = self.joints
@@ -356,6 +380,7 @@ class StepDriver:
     def _step(self, joints: FloatArray) -> None:
         self.world.step(joints, self._opening)
         self.world.steps += 1
+        self._target = joints
         self._reached = self._reached or bool(self.world.succeeded())
         film, self.film = self.film, _nothing  # a picture that raises is the last: the arm must still be held
         film()

@@ -242,30 +242,38 @@ def _above_neighbours(job: Job, found: list[Grasp]) -> list[Grasp]:
     ]
     highest = theme.top - SHALLOWEST + hand.tip_beyond_tcp
     most = highest + 0.5 * hand.palm_breadth * np.sin(max(TILTS))
-    higher = [min(height, highest) for height in near if height < most]
+    wanted = max((height for height in near if height < most), default=-np.inf)
+    blocked = [one for one in found if one.family == "top" and one.centre[2] < min(wanted, highest)]
     raised = [
         replace(
             grasp,
             description=f"{grasp.description}, above its neighbours",
-            centre=np.array([*grasp.centre[:2], max(higher)]),
+            centre=np.array([*grasp.centre[:2], min(wanted, highest)]),
             preference=grasp.preference - 0.1,
         )
-        for grasp in found
-        if grasp.family == "top" and higher and grasp.centre[2] < max(higher)
+        for grasp in blocked
     ]
-    tilts = TILTS if higher and max(higher) == highest else ()
-    return [*raised, *(_tilted(grasp, tilt, hand) for grasp in raised for tilt in tilts)]
+    tilts = TILTS if wanted > highest - PALM_ROOM else ()
+    return [*raised, *(_tilted(grasp, tilt, wanted, highest, hand) for grasp in blocked for tilt in tilts)]
 
 
-def _tilted(grasp: Grasp, tilt: float, hand: Hand) -> Grasp:
-    """The grasp with one end of the palm raised by a turn about the fingertips, radians."""
+def _tilted(grasp: Grasp, tilt: float, wanted: float, highest: float, hand: Hand) -> Grasp:
+    """The grasp turned about its fingertips, radians, which raises one end of the palm: so it holds deeper than at the
+    height of the tool that is ``wanted`` for an upright palm, and never above the ``highest``, metres.
+    """
+    slope = abs(np.sin(tilt))
+    lowest = grasp.centre[2] + slope * (0.5 * grasp.opening * hand.max_width + hand.finger_thickness)
+    height = min(highest, max(lowest, wanted - slope * 0.5 * hand.palm_breadth))
     closing = np.cos(tilt) * grasp.closing + np.sin(tilt) * UP
     approach = np.cos(tilt) * grasp.approach + np.sin(tilt) * grasp.closing
-    centre = grasp.centre + hand.tip_beyond_tcp * (grasp.approach - approach)
-    how = f"{grasp.description}, tilted by {np.degrees(tilt):.0f}°"
-    preference = grasp.preference - abs(tilt)
+    centre = np.array([*grasp.centre[:2], height]) + hand.tip_beyond_tcp * (grasp.approach - approach)
     return replace(
-        grasp, description=how, closing=closing, approach=approach, centre=centre, preference=preference
+        grasp,
+        description=f"{grasp.description}, tilted by {np.degrees(tilt):.0f}° over its neighbours",
+        closing=closing,
+        approach=approach,
+        centre=centre,
+        preference=grasp.preference - 0.15 - 10.0 * (height - grasp.centre[2]),
     )
 
 

@@ -47,13 +47,13 @@ from gvla2.testing.reconstruction import (
     check_reconstructor,
     check_renderer,
 )
-from gvla2.testing.robot import check_camera, check_robot, check_task
+from gvla2.testing.robot import check_camera, check_policy, check_robot, check_task
 
 __all__ = [
     "CHECKS", "ConformanceError", "candidates", "check_agent", "check_axis", "check_camera", "check_component",
     "check_embedder", "check_fusion", "check_inducer", "check_judge", "check_language", "check_memory",
-    "check_perceiver", "check_planner", "check_prior", "check_reconstructor", "check_renderer", "check_retriever",
-    "check_robot", "check_skill", "check_task", "check_tracker", "check_verifier", "check_viewer",
+    "check_perceiver", "check_planner", "check_policy", "check_prior", "check_reconstructor", "check_renderer",
+    "check_retriever", "check_robot", "check_skill", "check_task", "check_tracker", "check_verifier", "check_viewer",
 ]  # fmt: skip
 
 
@@ -100,6 +100,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "inducer": check_inducer,
     "judge": check_judge,
     "planner": check_planner,
+    "policy": check_policy,
     "verifier": check_verifier,
     "agent": check_agent,
     "tracker": check_tracker,

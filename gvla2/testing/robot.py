@@ -20,10 +20,12 @@ from gvla2.robot.backend import (
     RobotBackend,
     SuccessCheck,
 )
+from gvla2.robot.policy import Policy
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.solids import lowest
 from gvla2.robot.task import CheckedTask, Layout, Task, TaskInstance, TaskSite
 from gvla2.testing.conformance import allowed, require_members
+from gvla2.testing.inputs import INSTRUCTION, observation
 
 SEEDS = (0, 1, 17)
 SITE = TaskSite(centre=(0.25, 0.0), size=(0.65, 0.91), table_height=0.752, reachable=lambda point: True)
@@ -178,6 +180,24 @@ def _near_goal(robot: RobotBackend, seen: Observation) -> FloatArray | None:
         if robot.arm.workspace.contains(pose[:3, 3]) and robot.arm.line(seen.joints, pose) is not None:
             return np.asarray(pose[:3, 3])
     return None
+
+
+def check_policy(policy: Policy) -> None:
+    """It drives an arm of seven joints in two episodes: an action is finite, and its size stays the same."""
+    require_members(policy, "policy")
+    require(policy.rate > 0 and policy.seconds > 0, "A policy's rate and seconds lie above 0.")
+    sizes = set()
+    for _ in range(2):
+        with allowed("A policy in an episode"):
+            policy.begin(INSTRUCTION)
+            actions = [np.asarray(policy.act(observation(48)), dtype=float) for _ in range(2)]
+        for action in actions:
+            require(
+                action.ndim == 1 and bool(np.isfinite(action).all()),
+                "An action is one row of finite numbers.",
+            )
+        sizes |= {len(action) for action in actions}
+    require(len(sizes) == 1, f"Actions have one size, not {sorted(sizes)}.")
 
 
 def check_camera(camera: DepthCamera) -> None:

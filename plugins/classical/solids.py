@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from gvla2.geometry.compiled import compiled
 from gvla2.geometry.transform import FloatArray, rigid
@@ -148,7 +147,9 @@ Distance = Callable[[FloatArray, FloatArray], FloatArray]
 """Signed distances (N,), metres, negative inside, of points (N, 3) to a solid with parameters (P,)."""
 
 SCALE = 0.003  # metres: a point further off belongs ever more to something else
-STEPS = 16  # of a fit
+STEPS = 16  # most steps of a fit
+DAMPING, EASED, TRIES = 1e-3, 5.0, 4  # of a step, by how much it changes, and how often a step is tried again
+STEP, LEAST_GAIN = 1e-7, 1e-3  # metres or radians of the differences, and share of its cost that a step saves
 STAY = 0.003  # metres of error per metre that a parameter leaves its start: it decides only where nothing else does
 
 
@@ -244,27 +245,56 @@ def fit_solid(
         left = STAY * (values - begin)
         return np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0), left])
 
-    def loss(squares: FloatArray) -> FloatArray:
-        """Cauchy's, of each kind of evidence as much; the third row 0 keeps to reweighted least squares."""
-        derived = np.log1p(squares), 1.0 / (1.0 + squares), np.zeros_like(squares)
-        return np.asarray(share * np.stack(derived))
-
     low, high = (np.asarray(limit)[moving] for limit in limits)
-    found = least_squares(
-        errors,
-        np.clip(begin, low, high),
-        bounds=(low, high),
-        loss=loss,  # type: ignore[arg-type]
-        f_scale=SCALE,
-        ftol=1e-3,
-        max_nfev=STEPS,
-    )
-    error = errors(found.x)
+    best, cost = _minimised(errors, begin, low, high, share)
+    error = errors(best)
     on = np.abs(error[:first_free]) < tolerance
     inside = error[first_free:first_ray] < -tolerance
     intrusion = float(inside.mean()) if len(free) else 0.0
     agreement = max(0.0, float(on.mean()) - intrusion) if len(surface) else 0.0
-    return SolidFit(parameters, found.cost, agreement, intrusion)
+    return SolidFit(parameters, cost, agreement, intrusion)
+
+
+def _minimised(
+    errors: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    share: FloatArray,
+) -> tuple[FloatArray, float]:
+    """The values (P,) between ``low`` and ``high`` with the least cost near ``start``, and their cost: Cauchy's loss of
+    the errors (E,), weighted by ``share`` (E,), so that each kind of evidence counts as much.
+
+    Levenberg-Marquardt on reweighted squares: with a handful of values, most of the time of SciPy's
+    ``least_squares`` is not spent on the errors.
+    """
+
+    def cost_of(error: FloatArray) -> float:
+        return float(0.5 * SCALE**2 * (share @ np.log1p((error / SCALE) ** 2)))
+
+    values, damping = np.clip(start, low, high), DAMPING
+    error = errors(values)
+    cost = cost_of(error)
+    for _ in range(STEPS):
+        steps = np.where(values + STEP > high, -STEP, STEP)
+        slopes = np.stack([(errors(values + step) - error) / step.sum() for step in np.diag(steps)])  # (P, E)
+        weighted = slopes * (share / (1.0 + (error / SCALE) ** 2))
+        system, descent = weighted @ slopes.T, -weighted @ error
+        inside = np.where(descent > 0, values < high, values > low)  # the others are held at their limits
+        system, descent = system[np.ix_(inside, inside)], descent[inside]
+        before = cost
+        for _ in range(TRIES):
+            step = np.zeros(len(values))
+            step[inside] = np.linalg.solve(system + damping * np.diag(np.diag(system)), descent)
+            nearer = np.clip(values + step, low, high)
+            found = errors(nearer)
+            if cost_of(found) < cost:
+                values, error, cost, damping = nearer, found, cost_of(found), damping / EASED
+                break
+            damping *= EASED
+        if before - cost <= LEAST_GAIN * cost:
+            break
+    return values, cost
 
 
 def evenly(points: NDArray[Any], most: int) -> NDArray[Any]:

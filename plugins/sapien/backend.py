@@ -207,6 +207,11 @@ class SapienArm(DrivenRobot):
         self._sane_world("moved")
         return driver.state()
 
+    def reached(self) -> bool:
+        """Whether the goal looks reached at this moment."""
+        now = None if self._instance is None else judge(self._instance, self._sane_world("judged"))
+        return now is not None and (now.relaxed or now.strict)
+
     def true_state(self) -> WorldState:
         """The state for success checks."""
         return self._sane_world("read")

@@ -87,7 +87,10 @@ def families(
     if drifted:
         again = np.random.default_rng([*draws, 1])
         for i in again.permutation(count)[: (count + 1) // 2]:
-            found[i] = replace(found[i], value=_drawn(found[i].trait, again))
+            value = before = found[i].value
+            while value == before:  # two drawers without a catch are alike
+                value = _drawn(found[i].trait, again)
+            found[i] = replace(found[i], value=value)
     return tuple(replace(one, colour=found[0].colour) if twins else one for one in found)
 
 

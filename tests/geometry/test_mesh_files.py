@@ -380,6 +380,16 @@ def test_a_robots_tools_ignore_the_up_axis_of_collada(tmp_path: Path) -> None:
     np.testing.assert_allclose(mesh.bounds, [[0, 0, 0], [0.1, 0.2, 0.3]], atol=1e-6)
 
 
+@pytest.mark.parametrize(("suffix", "limit"), [(".obj", 9), (".obj", 5), (".glb", 9)])
+def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path: Path, monkeypatch, suffix, limit) -> None:
+    box = trimesh.creation.box((1, 1, 1))
+    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), image=Image.new("RGB", (4, 4), "red"))
+    box.export(tmp_path / f"m{suffix}")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", limit)  # Pillow itself refuses twice that
+    with pytest.raises(GeometryError, match=rf"m\{suffix}: its picture .*too large"):
+        read_mesh(tmp_path / f"m{suffix}")
+
+
 def compressed(path: Path) -> None:
     def require(tree: dict[str, object]) -> None:
         tree["extensionsUsed"] = ["EXT_meshopt_compression"]

@@ -2,15 +2,24 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from skimage.color import rgb2lab
 
 from gvla2.planning.colours import (
     COLOURS,
     DISTINCT,
+    appearance,
     colour_distance,
     colours_in,
     meant_by,
     nearest_colours,
 )
+
+
+def test_looks_are_of_cielab_and_free_of_shading():
+    rgb = np.vstack([np.zeros(3), np.ones(3), np.random.default_rng(0).random((50, 3)) ** 3])
+    L, a, b = rgb2lab(rgb).T
+    expected = np.stack([100 * a / (L + 16), 100 * b / (L + 16), 0.5 * L], axis=-1)
+    np.testing.assert_allclose(appearance(rgb), expected, atol=1e-9)
 
 
 def test_there_are_twenty_words_and_each_is_nearest_to_itself():

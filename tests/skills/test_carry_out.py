@@ -109,14 +109,6 @@ def test_options_replace_defaults_of_parameters_and_say_how_grasps_are_chosen():
         GraspOptions(clearance=-0.1)
 
 
-def test_exploring_leaves_what_the_call_said():
-    asked = request(A)
-    call = SkillCall("pick", "a", amount=0.1, theta={"standoff": 0.05})
-    plan = carry_out([call], asked, SkillOptions(explore=0.3))
-    assert (plan.parameters["lift_height"], plan.parameters["standoff"]) == (0.1, 0.05)
-    assert plan.parameters["grasp_depth"] != carry_out([call], asked).parameters["grasp_depth"]
-
-
 def turned(plan) -> float:
     """Radians by which the hand turns while it holds, as its closing direction tells."""
     ways = [w.orientation.closing for w in plan.trajectory if w.stage in ("close", "turn")]

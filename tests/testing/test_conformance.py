@@ -31,6 +31,7 @@ OWN = {
     ("perceiver", "oracle"): "needs a simulated robot",
     ("perceiver", "sam"): "perceiver.weights=",
     ("perceiver", "sam3"): "perceiver.weights=",
+    ("policy", "lerobot"): "policy.path=",
     ("robot", "mujoco"): "robot.mjcf=",
     ("robot", "sapien_arm"): "robot.urdf=",
     ("task", "tabletop_objects"): "task.objects.root=",

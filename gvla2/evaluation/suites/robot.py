@@ -153,6 +153,8 @@ class School:
             bank = f"{arm.name}-{place}"
         if has_bank(self._registry, arm):
             self._lessons[key] = Lessons(self._bank(unit, bank, known), asked=asked)
+        elif not arm.learns:
+            self._lessons[key] = Lessons()
         else:
             own = (story for some in known.values() for story in some)
             self._lessons[key] = Lessons(stories=(*self._others, *self._heard, *own))

@@ -101,6 +101,8 @@ def designs(config: RobotBench, registry: Registry) -> list[Design]:
     too.
     """
     arms = chosen_arms(config, registry)
+    if config.policy.name not in ("", NONE) and any(arm.name != "off" for arm in arms):
+        raise ConfigurationError("A policy has no memory: arms=[off].")
     _check_seeds(config, learns=any(arm.learns for arm in arms))
     seeds = [[seed] for seed in dict.fromkeys(config.seeds)] if config.world == LEARNABLE else [config.seeds]
     stresses = [[stress] for stress in dict.fromkeys(config.stresses)] or [[]]
@@ -186,9 +188,9 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
     explorer = BenchArm(EXPLORED, "off", replan=config.exploration_replan)
     seeds = list(dict.fromkeys(config.exploration_seeds))
     half = len(seeds) // 2 if "drift" in stresses_of(config) else 0
+    before = {name: {**task, "drifted": False} for name, task in rows.items()}
     exploring = []
-    for some, drifted in ((seeds[:half], False), (seeds[half:], True)):
-        then = rows if drifted else {name: _before_drift(task) for name, task in rows.items()}
+    for some, then in [(seeds[:half], before)] * bool(half) + [(seeds[half:], rows)]:
         past_world = _around(exploration, registry, then)
         for subject, seed in product(explored, some):
             here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
@@ -214,10 +216,6 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
                 EpisodeUnit(keys, label, tested, subject, task, arm, layout, factors, PROFILES, world)
             )
     return Design(config, rows, plan, exploring)
-
-
-def _before_drift(task: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in task.items() if name != "drifted"}
 
 
 def _around(
@@ -280,7 +278,9 @@ def _places(config: RobotBench) -> list[tuple[dict[str, str | int], int]]:
 
 
 def planner_label(config: RobotBench) -> str:
-    """The planner in a table: its name, changed options, and fallback."""
+    """The planner in a table: its name, changed options, and fallback; or the policy that drives instead."""
+    if config.policy.name not in ("", NONE):
+        return described(config.policy)
     label = described(config.planner)
     return label if config.fallback.name in ("", NONE) else f"{label}, then {described(config.fallback)}"
 
@@ -315,6 +315,8 @@ def _given(config: RobotBench) -> str:
     """
     if config.perceiver.name == TRUE_SCENE:
         return "true scene: no perception, a diagnosis"
+    if config.policy.name not in ("", NONE):
+        return f"{len(getattr(config.robot, 'cameras', ()))} cameras, a trained policy"
     known = "known objects (meshes)" if getattr(config.perceiver, "gallery", "") else "no gallery"
     return f"{len(getattr(config.robot, 'cameras', ()))} cameras with depth, {known}, no training"
 

@@ -136,9 +136,12 @@ def _alike(unit: EpisodeUnit, components: Components, ran: Sequence[Ran]) -> Ran
         return None
     with suppress(Exception):  # what crashes is run, and recorded there
         planned = planned_again(ran[0][0], components, _request(unit))
-        for record, seconds in ran if planned.failure is None else ():
-            once = record.plan is not None and not (record.parts or record.attempts or record.plan.remaining)
-            if once and record.executable.trajectory == planned.executable.trajectory:
+        moves = None if planned.failure is not None else planned.executable.trajectory
+        for record, seconds in ran:
+            plan, later = record.plan, record.parts or record.attempts
+            if plan is None or record.report is None or later or plan.remaining:
+                continue
+            if plan.trajectory == moves:
                 notes = {name: getattr(planned, name) for name in ("recalled", "plan", "checks", "notes")}
                 return replace(record, choices=components.choices, **notes), seconds
     return None

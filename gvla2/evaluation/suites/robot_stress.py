@@ -18,7 +18,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import BenchArm, Story
 from gvla2.evaluation.components import options_of
 from gvla2.evaluation.config import STRESSES, RobotBench
-from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.contracts import Lesson, Memory, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.late import LateMemory
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.effects import Prior
@@ -95,7 +95,7 @@ def with_budget(arm: BenchArm, registry: Registry) -> BenchArm:
     return replace(arm, options={"active_budget": BUDGET, **arm.options})
 
 
-def hear(memory: object, said: Iterable[Story]) -> None:
+def hear(memory: Memory, said: Iterable[Story]) -> None:
     """Give a memory lessons from outside: as an import does, where it can tell them from its own experience, else as
     episodes.
     """
@@ -103,7 +103,7 @@ def hear(memory: object, said: Iterable[Story]) -> None:
         if isinstance(memory, LateMemory):
             memory.admit(episode.lessons[0], verdict, task=episode.task, source=episode.source)
         else:
-            memory.learn(episode, verdict)  # type: ignore[attr-defined]
+            memory.learn(episode, verdict)
 
 
 def hearsay(

@@ -95,7 +95,7 @@ class ModelEyes:
         return np.where(depth < FARTHEST, depth, np.float32(np.nan))
 
     def picture(self, name: str, size: int) -> NDArray[np.uint8]:
-        """(H, W, 3) what the camera sees."""
+        """(H, W, 3) what the camera sees, with shadows and without reflections."""
         return np.asarray(self._prepared(self.data, name, size, shadows=True).render())
 
     def draw_later(self, name: str, size: int) -> Callable[[], NDArray[np.uint8]]:
@@ -112,11 +112,13 @@ class ModelEyes:
         return draw
 
     def _prepared(self, data: Any, name: str, size: int, shadows: bool) -> Any:
-        """The renderer with the scene of ``data``; ``shadows`` cost most of the time."""
+        """The renderer with the scene of ``data``, without reflections: for each reflecting face of a box, such as a
+        stove's, MuJoCo draws all of it once more.
+        """
         renderer, flags = self._renderer(size), self._mujoco.mjtRndFlag
         renderer.update_scene(data, name, self._option)
-        for flag in (flags.mjRND_SHADOW, flags.mjRND_REFLECTION):
-            renderer.scene.flags[flag] = shadows
+        renderer.scene.flags[flags.mjRND_SHADOW] = shadows
+        renderer.scene.flags[flags.mjRND_REFLECTION] = False
         return renderer
 
     def _renderer(self, size: int) -> Any:
