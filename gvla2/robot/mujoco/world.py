@@ -88,18 +88,18 @@ class ModelEyes:
 
     def depth(self, name: str, size: int) -> NDArray[np.float32]:
         """(H, W) metres, NaN beyond 5 m; takes a fraction of a picture's time."""
-        renderer = self._prepared(self.data, name, size, shadows=False)
+        renderer = self._prepared(self.data, name, size, lit=False)
         renderer.enable_depth_rendering()
         depth = renderer.render()
         renderer.disable_depth_rendering()
         return np.where(depth < FARTHEST, depth, np.float32(np.nan))
 
     def picture(self, name: str, size: int) -> NDArray[np.uint8]:
-        """(H, W, 3) what the camera sees, with shadows and without reflections."""
-        return np.asarray(self._prepared(self.data, name, size, shadows=True).render())
+        """(H, W, 3) what the camera sees."""
+        return np.asarray(self._prepared(self.data, name, size, lit=True).render())
 
     def draw_later(self, name: str, size: int) -> Callable[[], NDArray[np.uint8]]:
-        """A function that draws what the camera sees now, without shadows, until the world's next reset."""
+        """A function that draws what the camera sees now, without shadows and reflections, until the world's next reset."""
         mujoco, whole = self._mujoco, self._mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(self.model, whole))
         mujoco.mj_getState(self.model, self.data, state, whole)
@@ -107,18 +107,18 @@ class ModelEyes:
         def draw() -> NDArray[np.uint8]:
             mujoco.mj_setState(self.model, self._shown, state, whole)
             mujoco.mj_forward(self.model, self._shown)
-            return np.asarray(self._prepared(self._shown, name, size, shadows=False).render())
+            return np.asarray(self._prepared(self._shown, name, size, lit=False).render())
 
         return draw
 
-    def _prepared(self, data: Any, name: str, size: int, shadows: bool) -> Any:
-        """The renderer with the scene of ``data``, without reflections: for each reflecting face of a box, such as a
-        stove's, MuJoCo draws all of it once more.
+    def _prepared(self, data: Any, name: str, size: int, lit: bool) -> Any:
+        """The renderer with the scene of ``data``, with shadows and reflections if ``lit``: for each reflecting face of
+        a box, such as a stove's, MuJoCo draws all of it once more.
         """
         renderer, flags = self._renderer(size), self._mujoco.mjtRndFlag
         renderer.update_scene(data, name, self._option)
-        renderer.scene.flags[flags.mjRND_SHADOW] = shadows
-        renderer.scene.flags[flags.mjRND_REFLECTION] = False
+        renderer.scene.flags[flags.mjRND_SHADOW] = lit
+        renderer.scene.flags[flags.mjRND_REFLECTION] = lit
         return renderer
 
     def _renderer(self, size: int) -> Any:
