@@ -99,7 +99,7 @@ class ModelEyes:
         return np.asarray(self._prepared(self.data, name, size, lit=True).render())
 
     def draw_later(self, name: str, size: int) -> Callable[[], NDArray[np.uint8]]:
-        """A function that draws what the camera sees now, without shadows and reflections, until the world's next reset."""
+        """A function that draws what the camera sees now, unlit, until the world's next reset."""
         mujoco, whole = self._mujoco, self._mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(self.model, whole))
         mujoco.mj_getState(self.model, self.data, state, whole)
