@@ -213,8 +213,8 @@ def _namespaces(root: Path, disk_mb: int) -> list[str]:
     for name in _READABLE_IN_ETC:
         words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
     words += ["--dev", "/dev", "--proc", "/proc"]
-    for place in ("/dev/shm", "/run"):
-        words += ["--size", str(disk_mb << 20), "--tmpfs", place]
+    for folder in ("/dev/shm", "/run"):
+        words += ["--size", str(disk_mb << 20), "--tmpfs", folder]
     for name, at in _WRITABLE.items():
         words += ["--bind", str(root / name), at]
     return words

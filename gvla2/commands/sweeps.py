@@ -274,10 +274,10 @@ def publish_jobs(suite: str, folder: Path, jobs: Sequence[tuple[Path, Mapping[st
     cells = []
     for place, job in jobs:
         failed = {"factors": {}, "measures": {}, "notes": {"folder": str(place)}}
-        for number, row in enumerate(job.get("rows") or [failed]):
+        for place_in_job, row in enumerate(job.get("rows") or [failed]):
             factors = {"job": job["job"], **job["overrides"], **row["factors"]}
             notes = {"status": job["status"], **row["notes"]}
-            cells.append(Cell(cell_key(suite, str(place), number), factors, row["measures"], notes))
+            cells.append(Cell(cell_key(suite, str(place), place_in_job), factors, row["measures"], notes))
     with Results.open(str(jobs[0][1]["results"])) as results:
         before = [run for run in results.runs(suite) if run.folder == str(folder)]
         number = before[0].id if before else None

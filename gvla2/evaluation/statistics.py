@@ -90,7 +90,7 @@ def exact_mcnemar(pairs: Sequence[Pair]) -> float:
     """
     won, lost = won_and_lost(pairs)
     tail = sum(math.comb(won + lost, k) for k in range(min(won, lost) + 1))
-    return min(1.0, 2 * tail / 2 ** (won + lost))
+    return float(min(1.0, 2 * tail / 2 ** (won + lost)))
 
 
 def detectable_difference(pairs: Sequence[Pair]) -> float:

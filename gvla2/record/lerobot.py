@@ -250,7 +250,7 @@ def _stats(episodes: Sequence[Demonstration]) -> dict[str, Any]:
             **{quantile: np.quantile(exact, share, axis=0) for quantile, share in QUANTILES.items()},
         }
     films = [episode.film for episode in episodes]
-    for camera, often in zip(films[0].cameras, sum(film.colours for film in films), strict=True):
+    for camera, often in zip(films[0].cameras, np.sum([film.colours for film in films], axis=0), strict=True):
         stats[PICTURES + camera] = _of_colours(often)
     return {name: {**numbers, "count": [count]} for name, numbers in stats.items()}
 

@@ -91,7 +91,7 @@ class Motion:
         if self._moments and len(self._moments) == self._frames:
             stream = io.BytesIO()
             given = [m.command for m in self._moments if m.command is not None]
-            commands = {"command": np.array(given)} if len(given) == self._frames else {}
+            commands: dict[str, Any] = {"command": np.array(given)} if len(given) == self._frames else {}
             np.savez_compressed(
                 stream,
                 time=np.array([m.time for m in self._moments]),

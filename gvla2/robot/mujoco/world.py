@@ -164,7 +164,7 @@ class ModelWorld(Simulation):
         self._dofs = [int(model.joint(name).dofadr[0]) for name in names.joints]
 
     @cached_property
-    def robot(self) -> RobotModel:
+    def robot(self) -> RobotModel:  # type: ignore[override]  # an attribute that is made when it is first asked for
         """The arm, its home where it is now: at the begin of an episode."""
         arm = ArmConfig(
             name=self._config.name,
