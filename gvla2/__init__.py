@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from gvla2.episode.record import EpisodeRecord
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Component",

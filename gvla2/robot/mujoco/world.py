@@ -112,9 +112,7 @@ class ModelEyes:
         return draw
 
     def _prepared(self, data: Any, name: str, size: int, lit: bool) -> Any:
-        """The renderer with the scene of ``data``, with shadows and reflections if ``lit``: for each reflecting face of
-        a box, such as a stove's, MuJoCo draws all of it once more.
-        """
+        """The renderer with the scene of ``data``; shadows and reflections, if ``lit``, draw it several times."""
         renderer, flags = self._renderer(size), self._mujoco.mjtRndFlag
         renderer.update_scene(data, name, self._option)
         renderer.scene.flags[flags.mjRND_SHADOW] = lit
