@@ -118,6 +118,7 @@ def _pivot(cells: list[Cell]) -> list[Sheet]:
     films = [
         film(_caption(cell, names), str(cell.notes["folder"]), failed=bool(cell.notes.get("failure", True)))
         for cell in cells
+        if "folder" in cell.notes
     ]
     headings += ["against the first row"] if compared else []
     return [
