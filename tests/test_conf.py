@@ -129,7 +129,10 @@ def test_a_job_gets_a_folder_of_its_own_each_time_and_does_not_chatter(
     ("argv", "message"),
     [
         (["planner=skil"], "No planner named 'skil'. Did you mean 'skill'? Available: "),
-        (["depth_noise=l51"], "No depth_noise named 'l51'. Did you mean 'l515'? Available: bad, gaussian, l515,"),
+        (
+            ["depth_noise=l51"],
+            "No depth_noise named 'l51'. Did you mean 'l515'? Available: bad, gaussian, l515,",
+        ),
         (["planner.lift_hight=1"], "Key 'lift_hight' not in 'SkillConfig'. Did you mean 'lift_height'?"),
         (["sed=3"], "Did you mean 'seed'?"),
         (["seed=1,2"], "--multirun"),

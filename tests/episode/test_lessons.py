@@ -127,4 +127,6 @@ def test_a_transcript_describes_the_episode_and_is_bounded() -> None:
         assert words in text
     crowd = scene(*(scene_object(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
     assert len(transcript(replace(record, scene=crowd))) <= 8000
-    assert "declined (other)" in transcript(replace(record, plan=Plan(None, abstention=Abstention("other", "no"))))
+    assert "declined (other)" in transcript(
+        replace(record, plan=Plan(None, abstention=Abstention("other", "no")))
+    )
