@@ -17,7 +17,7 @@ import numpy as np
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.part_hierarchy import is_ajar, knob_of
 from gvla2_plugins.libero import LiberoConfig
-from gvla2_plugins.libero.worlds import LiberoWorlds
+from gvla2_plugins.libero.worlds import LiberoWorld, bddl_files
 from gvla2_plugins.skill.planner import read
 
 SIDES = {"left": "left_of", "right": "right_of", "front": "front_of", "back": "behind"}
@@ -104,18 +104,17 @@ def outcome(world):
 
 
 def main() -> None:
-    worlds = LiberoWorlds(LiberoConfig())
     counted: dict[str, Counter] = {}
-    for task in worlds.tasks():
+    for task, file in bddl_files().items():
         suite = task.split("/")[0]
         if suite in sys.argv[1:]:
-            world = worlds.load(task)
+            world = LiberoWorld(task, file, LiberoConfig())
             world.begin(0)
             result, detail = outcome(world)
             counted.setdefault(suite, Counter())[result] += 1
             if result != "right":
                 print(f"{result:9} {task:22} {world.instruction}  [{detail[:120]}]", flush=True)
-            world.env.close()
+            world.close()
     for suite, counts in counted.items():
         print(suite, ", ".join(f"{n} {result}" for result, n in counts.items()))
 
