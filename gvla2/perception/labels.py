@@ -55,7 +55,7 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
     Painted regions and parts keep their labels: a lid is the lid of the named object. An object unknown to all keeps
     its colour and shape; the notes say so.
     """
-    left = list(filter(_nameless, scene.objects))
+    left = [o for o in scene.objects if o.shape != "region" and not o.parent and not o.named_by]
     notes = list(scene.notes)
     for labeller in labellers:
         if not left:
@@ -80,10 +80,6 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
     return _joined(replace(scene, notes=tuple(notes)))
 
 
-def _nameless(obj: SceneObject) -> bool:
-    return obj.shape != "region" and not obj.parent and not obj.named_by
-
-
 def _joined(scene: Scene) -> Scene:
     """The scene with pieces of one package, which bear the same words one above the other, as one object."""
     read = {o.id: o for o in scene.objects if o.named_by == PRINTED}
@@ -104,23 +100,6 @@ def _joined(scene: Scene) -> Scene:
                 scene = replace(scene, objects=tuple(moved)).with_object(read[whole.id])
                 break
     return scene
-
-
-class NamesCloser:
-    """The part of a perceiver that implements :class:`gvla2.planning.contracts.LooksCloser` by its labellers."""
-
-    def __init__(self, labellers: Sequence[Labeller], looks: int) -> None:
-        self._labellers, self._looks = labellers, looks
-
-    def to_look_at(self, scene: Scene, looks: int) -> Sequence[SceneObject]:
-        """The whole objects without a name that are closed: what is open is named by its shape."""
-        if looks >= self._looks or not self._labellers:
-            return ()
-        return [o for o in scene.objects if _nameless(o) and not o.opening]
-
-    def look_again(self, scene: Scene, closer: Observation) -> Scene:
-        """The scene with the labellers' names in the closer picture."""
-        return labelled(scene, closer, self._labellers)
 
 
 CROPS = 2

@@ -42,11 +42,11 @@ from gvla2.robot.calibration import CONVENTION, Calibration
 from gvla2.robot.looks import link_surfaces
 from gvla2.robot.scan import read_scan
 from gvla2.robot.urdf import read_urdf
-from gvla2_plugins.file_prior import FilePriorConfig
-from gvla2_plugins.file_prior.prior import FilePrior
+from gvla2_plugins.geofuse import FilePriorConfig
+from gvla2_plugins.geofuse.results import read_result
+from gvla2_plugins.geofuse.sources import FilePrior
 from gvla2_plugins.mujoco import MjcfConfig
 from gvla2_plugins.mujoco.worlds import MjcfWorld
-from gvla2_plugins.sam3d.results import read_result
 from gvla2_plugins.sapien import SapienArmConfig
 
 SECONDS, MEMORY = 5, 1 << 30

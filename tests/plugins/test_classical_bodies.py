@@ -13,7 +13,6 @@ from gvla2.geometry.views import Views
 from gvla2.perception.registration import agreed
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
-from gvla2_plugins.connected import ConnectedConfig, ConnectedPerceiver, gvla2_perceivers
 from tests.benchmarks import perception as bench
 
 WORKSPACE, TABLE_TOP = bench.WORKSPACE, bench.TABLE_TOP
@@ -101,14 +100,6 @@ def test_objects_are_found_by_cameras_that_err(three):
     scene = perceive([], erring(three))
     assert sorted(o.colour for o in scene.objects) == ["blue", "lime", "red"]
     assert any("disagreed" in note for note in scene.notes)
-
-
-def test_the_plainest_perceiver_finds_what_stands_apart(three):
-    (component,) = gvla2_perceivers()
-    assert component.name == "connected"
-    scene = ConnectedPerceiver(ConnectedConfig()).perceive(three, "", WORKSPACE)
-    assert sorted(o.colour for o in scene.objects) == ["blue", "lime", "red"]
-    assert scene.perceiver == "connected"
 
 
 @pytest.mark.parametrize("height", [0.003, 0.0045])
