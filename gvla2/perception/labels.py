@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from gvla2.geometry.views import Observation, View
+from gvla2.io.foreign import png_bytes
 from gvla2.language.contracts import LanguageModel, LanguageModelError, picture
 from gvla2.language.typed import ask_typed, json_in
 from gvla2.perception.objects import object_of
@@ -134,7 +134,7 @@ class CropReader:
 
     def _read(self, obj: SceneObject, observation: Observation) -> Naming:
         crops = sorted((crop_of(view, obj) for view in observation.views), key=lambda c: -c[0])
-        shown = [_png(crop, self._longest) for pixels, crop in crops[:CROPS] if pixels]
+        shown = [png_bytes(_enlarged(crop, self._longest)) for pixels, crop in crops[:CROPS] if pixels]
         if not shown:
             return Naming("", 0.0, why="No picture shows it.")
         size = " x ".join(f"{1e3 * side:.0f}" for side in obj.extents)
@@ -166,14 +166,12 @@ def crop_of(view: View, obj: SceneObject) -> tuple[int, np.ndarray]:
     return len(np.unique(np.floor(inside), axis=0)), view.image[top:bottom, left:right]
 
 
-def _png(crop: np.ndarray, longest: int) -> bytes:
+def _enlarged(crop: np.ndarray, longest: int) -> Image.Image:
     factor = max(1, min(longest, 448) // max(crop.shape[:2]))
     image = Image.fromarray(np.ascontiguousarray(crop))
     grown = image.resize((image.width * factor, image.height * factor), Image.Resampling.BICUBIC)
     grown.thumbnail((longest, longest))
-    stream = io.BytesIO()
-    grown.save(stream, "PNG")
-    return stream.getvalue()
+    return grown
 
 
 def _parse(text: str) -> tuple[str, float]:

@@ -103,11 +103,16 @@ def test_remembered_paths_come_with_the_names_of_now():
     )
     with LocalModel(lambda _: said(LIFT)) as model:
         planner(model, programs=2).plan(asked)
-        planner(model, programs=0).plan(asked)
+        planner(model, programs=0).plan(replace(asked, rejections=("The red cube is too far.",)))
         with_memory, without = ("\n".join(m["content"] for m in r["messages"]) for r in model.requests[:2])
     assert with_memory.count("Task: raise the cube") == 2
     assert '["blue_cube", 0, 0, -23, 0]'.replace(" ", "") in with_memory
     assert "raise the cube" not in without
+    assert without.endswith(
+        "An earlier plan was rejected: The red_cube is too far.\n"
+        "Objects (name, length x width x height in mm):\nred_cube 52x52x52\nblue_cube 47x47x47\n"
+        "Task: lift the blue cube"
+    )
 
 
 def path_of_skill(call, asked):

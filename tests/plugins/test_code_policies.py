@@ -73,7 +73,12 @@ def test_remembered_programs_come_with_the_names_of_now():
     asked = replace(REQUEST, advice=Advice("", (), (program,) * 3), instruction="lift the blue cube")
     with LocalModel(lambda _: said("pick(blue_cube)")) as model:
         planner(model).plan(asked)
-        planner(model, programs=0).plan(asked)
+        planner(model, programs=0).plan(replace(asked, rejections=("The red cube is too far.",)))
         with_memory, without = (r["messages"][1]["content"] for r in model.requests)
     assert with_memory.count("- raise the cube: pick(blue_cube) succeeded") == 2
     assert "<memory>" not in without
+    assert without.endswith(
+        "\n\nAn earlier plan was rejected: The red_cube is too far.\n\nObjects:\n"
+        "red_cube 52x52x52 at 300,-80 (right)\nblue_cube 47x47x47 at 340,120 (left)\n"
+        "Task: lift the blue cube\nProgram:"
+    )
