@@ -46,7 +46,9 @@ def test_sentence_transformers_says_the_same(embedder: MiniLMEmbedder, vectors: 
     """What ``SentenceTransformer(folder).encode(TEXTS, normalize_embeddings=True)`` of 6.2.0 said, kept."""
     theirs = np.load(Path(__file__).parents[1] / "data" / "minilm_texts.npy")
     np.testing.assert_allclose(vectors, theirs, atol=2e-6)
-    assert embedder.model == "all-minilm-l6-v2-mean-256-v2"  # stored vectors are compared with those of one model
+    assert (
+        embedder.model == "all-minilm-l6-v2-mean-256-v2"
+    )  # stored vectors are compared with those of one model
 
 
 @needs_model
