@@ -9,7 +9,7 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import relative_steps, waypoints_program
 from gvla2.skills.carry_out import carry_out
-from gvla2.testing import check_component, check_planner
+from gvla2.testing import check_planner
 from gvla2_plugins.agent3d import Agent3dConfig, gvla2_planners
 from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
@@ -25,8 +25,6 @@ planner, planned = SCRIPTED.at, SCRIPTED.planned
 
 
 def test_it_is_a_planner_as_any_other():
-    (component,) = gvla2_planners()
-    check_component(component)
     with LocalModel(lambda _: said(LIFT)) as model:
         check_planner(planner(model))
 

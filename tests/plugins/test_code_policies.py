@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import calls_program
-from gvla2.testing import check_component, check_planner
+from gvla2.testing import check_planner
 from gvla2_plugins.code_policies import CodePoliciesConfig, gvla2_planners
 from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
@@ -20,8 +20,6 @@ planner, planned = SCRIPTED.at, SCRIPTED.planned
 
 
 def test_it_is_a_planner_as_any_other():
-    (component,) = gvla2_planners()
-    check_component(component)
     with LocalModel(lambda _: said("pick(red_cube)")) as model:
         check_planner(planner(model))
 
