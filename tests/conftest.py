@@ -53,7 +53,6 @@ EXTRAS = {
     "plugins/test_embedders.py": "",
     "plugins/test_open_vocabulary.py": "",
     "plugins/test_sam.py": "",
-    "plugins/test_trackers.py": "",
     "record/test_motion.py": "",
     "robot/test_own_world.py": "",
     "testing/test_conformance.py": "",

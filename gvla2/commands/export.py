@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import Gvla2Error, MissingDependencyError, reading
 from gvla2.io.files import visible_files
-from gvla2.record.text import count, printable
+from gvla2.record.text import count
 
 if TYPE_CHECKING:
     from gvla2.record.lerobot import Demonstration
@@ -47,8 +46,9 @@ def main(argv: Sequence[str]) -> int:
     try:
         print(export([Path(run) for run in asked.runs], Path(options["to"]), only))
     except Gvla2Error as error:
-        print(f"gvla2: {printable(str(error))}", file=sys.stderr)
-        return 1
+        from gvla2.commands.hydra_job import report
+
+        return report(error)
     return 0
 
 

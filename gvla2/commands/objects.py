@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,8 +65,9 @@ def main(argv: Sequence[str]) -> int:
     try:
         print(printable(teach(request)))
     except Gvla2Error as error:
-        print(f"gvla2: {printable(str(error))}", file=sys.stderr)
-        return 1
+        from gvla2.commands.hydra_job import report
+
+        return report(error)
     return 0
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
+from gvla2.commands.hydra_job import composed, report
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.record.text import printable
 
 TASKS = """\
 Lists the tasks that `gvla2 run` takes, with the chosen robot: its own, by their instructions, if it has a world of its
@@ -30,7 +29,7 @@ def tasks(argv: Sequence[str]) -> int:
     try:
         found = tasks_of(overrides)
     except Gvla2Error as error:
-        return _failed(error)
+        return report(error)
     from gvla2.commands.tables import console, row, table
 
     listing = table("task", "")
@@ -40,14 +39,8 @@ def tasks(argv: Sequence[str]) -> int:
     return 0
 
 
-def _failed(error: Gvla2Error) -> int:
-    print(f"gvla2: {printable(str(error))}", file=sys.stderr)
-    return 1
-
-
 def tasks_of(overrides: Sequence[str]) -> dict[str, str]:
     """The tasks by name for the robot that the overrides choose: their instructions, or their summaries."""
-    from gvla2.commands.hydra_job import composed
     from gvla2.robot.backend import OffersTasks
 
     config, registry = composed("run", [*overrides, "task=none"])
@@ -68,7 +61,7 @@ def data(argv: Sequence[str]) -> int:
     try:
         names = write_gallery(options.name, Path(folder).expanduser())
     except Gvla2Error as error:
-        return _failed(error)
+        return report(error)
     print(f"{len(names)} objects in {folder}: {', '.join(names)}")
     return 0
 

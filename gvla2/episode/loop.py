@@ -38,7 +38,6 @@ from gvla2.episode.attempts import (
     should_try_again,
     with_covered,
 )
-from gvla2.episode.closer_look import Eyes, with_closer_looks
 from gvla2.episode.evidence import RobotEvidence
 from gvla2.episode.lessons import memory_task, stories_of, transcript
 from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
@@ -51,7 +50,7 @@ from gvla2.geometry.views import Observation
 from gvla2.memory.admission import answer_of, verdict_of
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verifier
 from gvla2.planning.asking import perceive
-from gvla2.planning.contracts import LooksCloser, Perceiver, Planner
+from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.planning.skill import Skill
@@ -64,7 +63,7 @@ from gvla2.robot.task import Task
 from gvla2.skills.table import STANDARD
 
 if TYPE_CHECKING:
-    from gvla2.language.contracts import LanguageModel
+    from gvla2.language.contracts import LanguageModel, Tally
 
 
 @dataclass(frozen=True)
@@ -171,47 +170,21 @@ def run_episode(
         seed=request.seed,
         choices=components.choices,
     )
-    language = components.language
-    before = language.ledger.totals() if language is not None else {}
-
-    def counted(stages: _Stages) -> _Stages:
-        """Stages that note in their record the model's cost in this episode."""
-        if language is None:
-            return stages
-        costs = language.ledger.totals
-        return tuple(
-            (stage, lambda r, run=function: replace(run(r), language=costs(before)))
-            for stage, function in stages
-        )
-
-    once: _Stages = (
-        ("observe", lambda r: _observe(r, components, request, listener)),
-        ("perceive", lambda r: _perceive(r, components)),
-        ("reconstruct", lambda r: _reconstruct(r, components)),
-        ("recall", lambda r: _recall(r, components)),
-        ("plan", lambda r: _plan(r, components, request, listener)),
-        ("check", lambda r: _planner(r, components, request).check(r)),
-        ("execute", lambda r: _execute(r, components, request, listener)),
-        ("verify", lambda r: _verify(r, components)),
-    )
-    once = counted(once)
-    again = tuple(entry for entry in once if entry[0] != "recall")  # its answer stays
-    setup: _Stages = (("setup", lambda r: _set_up(r, components, request)),)
-    judged: _Stages = (("success_check", lambda r: _check_success(r, components)),)
+    run = _Run(components, request, listener)
+    setup: _Stages = {"setup": _set_up}
+    judged: _Stages = {"success_check": _check_success}
     if (policy := components.policy) is not None:
-        driven: _Stages = (("execute", lambda r: roll_out(r, policy, components.robot, _moving(listener))),)
-        return _go_through((*setup, *driven, *judged), record, listener)
-    record = _go_through((*setup, *once), record, listener)
-    record = _to_the_end(record, again, listener, components, request)
+        driven: _Stages = {"execute": lambda r, run: roll_out(r, policy, run.robot, run.moving())}
+        return _go_through({**setup, **driven, **judged}, record, run)
+    record = _to_the_end(_go_through({**setup, **_ONCE}, record, run), run)
     for _ in range(request.replan):
         if not should_replan(record, components.skills):
             break
-        record, moved = _another(again, next_attempt(record), listener)
+        record, moved = _another(next_attempt(record), run)
         if not moved:
             break
-        record = _to_the_end(record, again, listener, components, request)
-    closing: _Stages = (("learn", lambda r: _learn(r, components)), *judged)
-    return _go_through(counted(closing), record, listener)
+        record = _to_the_end(record, run)
+    return _go_through({"learn": _learn, **judged}, record, run)
 
 
 def planned_again(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> EpisodeRecord:
@@ -223,34 +196,60 @@ def planned_again(record: EpisodeRecord, components: Components, request: Episod
     look = EpisodeRecord(
         **{name: getattr(record, name) for name in names}, observation=seen.observation, scene=seen.scene
     )
-    asked = _planner(look, components, request)
-    stages: _Stages = (
-        ("recall", lambda r: _recall(r, components)),
-        ("plan", asked.plan),
-        ("check", asked.check),
-    )
-    return _go_through(stages, look, _SILENT)
+    stages: _Stages = {"recall": _recall, "plan": _ONCE["plan"], "check": _ONCE["check"]}
+    return _go_through(stages, look, _Run(components, request, _SILENT))
 
 
-_Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
+class _Run:
+    """What every stage of an episode uses."""
+
+    def __init__(self, components: Components, request: EpisodeRequest, listener: EpisodeListener) -> None:
+        self.components, self.request, self.listener = components, request, listener
+        self.robot = components.robot
+        self._before: Mapping[str, Tally] = {}
+        self._before = self.cost()
+
+    def cost(self) -> Mapping[str, Tally]:
+        """The language model's cost since the episode began, by purpose."""
+        language = self.components.language
+        return language.ledger.totals(self._before) if language is not None else {}
+
+    def moving(self, waypoint: Callable[[WaypointReport], None] | None = None) -> ExecutionListener:
+        """The callbacks during a motion: those that the listener wants, and ``waypoint`` for each report."""
+        heard: dict[str, Callable[..., None]] = {} if waypoint is None else {"waypoint": waypoint}
+        if getattr(self.listener, "wants_frames", True):
+            heard["frame"] = self.listener.frame
+        if isinstance(self.listener, MotionListener):
+            heard["moment"] = self.listener.moment
+        return ExecutionListener(**heard)
+
+    def look(self, record: EpisodeRecord, *, after: bool = False) -> Observation:
+        """The robot's observation before or ``after`` the present part's motion, with the noise of this look."""
+        motions = sum(len(each.whole) for each in record.attempts) + len(record.parts)
+        seen, seed = self.robot.observe(), self.request.seed
+        noise = np.random.default_rng([seed, 2 * motions + after])
+        return read_only(apply_noise(seen, self.request.depth_noise, noise, seed))
+
+    def perceived(self, observation: Observation, instruction: str) -> Scene:
+        """The scene that the perceiver finds in an observation."""
+        who, workspace = self.components.named("perceiver"), self.robot.arm.workspace
+        return perceive(self.components.perceiver, observation, instruction, workspace, who)
 
 
-def _to_the_end(
-    record: EpisodeRecord,
-    stages: _Stages,
-    listener: EpisodeListener,
-    components: Components,
-    request: EpisodeRequest,
-) -> EpisodeRecord:
+_Function = Callable[[EpisodeRecord, _Run], EpisodeRecord]
+_Stages = Mapping[Stage, _Function]
+
+
+def _to_the_end(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     """Carry out the rest of an attempt's program, part by part, until it is done or a part fails for good."""
-    moved = True
+    moved, skills = True, run.components.skills
     while moved:
         if has_next_part(record):
-            record = _go_through(stages, next_part(record), listener)
-        elif len(record.attempts) < request.second_tries and should_try_again(record, components.skills):
-            if trouble := _out_of_time(record, components.robot):
-                return replace(record, notes=(*record.notes, trouble))
-            record, moved = _another(stages, second_try(record), listener)
+            record = _go_through(_AGAIN, next_part(record), run)
+        elif len(record.attempts) < run.request.second_tries and should_try_again(record, skills):
+            if trouble := _out_of_time(record, run.robot):
+                return _noted(record, trouble)
+            record, moved = _another(second_try(record), run)
         else:
             break
     return record
@@ -265,9 +264,9 @@ def _out_of_time(record: EpisodeRecord, robot: RobotBackend) -> str:
     return f"No second try: it would take {needed:.1f} s or more, and this world ends in {left:.1f} s."
 
 
-def _another(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> tuple[EpisodeRecord, bool]:
+def _another(record: EpisodeRecord, run: _Run) -> tuple[EpisodeRecord, bool]:
     """Another attempt, and whether it moved anything: if it did not, the one before stands."""
-    record = _go_through(stages, record, listener)
+    record = _go_through(_AGAIN, record, run)
     broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
     if record.report is None and not broken:
         record = previous_attempt_stands(record)
@@ -275,11 +274,16 @@ def _another(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) 
     return record, record.report is not None
 
 
-def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> EpisodeRecord:
-    for stage, function in stages:
+def _go_through(stages: _Stages, record: EpisodeRecord, run: _Run) -> EpisodeRecord:
+    for stage, function in stages.items():
         if record.failure is None or _still_worthwhile(stage, record):
-            record = _run_stage(stage, function, record, listener)
+            record = _run_stage(stage, function, record, run)
     return record
+
+
+def _noted(record: EpisodeRecord, note: str) -> EpisodeRecord:
+    """The record with a further note, "" for none."""
+    return replace(record, notes=(*record.notes, note)) if note else record
 
 
 class _StoppedMidwayError(Exception):
@@ -302,25 +306,23 @@ def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
     return stage == "success_check" and (record.observation is not None or earlier)
 
 
-def _run_stage(
-    stage: Stage,
-    function: Callable[[EpisodeRecord], EpisodeRecord],
-    record: EpisodeRecord,
-    listener: EpisodeListener,
-) -> EpisodeRecord:
+def _run_stage(stage: Stage, function: _Function, record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     """Run one stage: time it, turn errors into a typed failure, notify the listener."""
-    listener.begin(stage)
+    run.listener.begin(stage)
     started = time.perf_counter()
 
     def ended(record: EpisodeRecord) -> EpisodeRecord:
-        record = replace(record, timings={**record.timings, stage: round(time.perf_counter() - started, 4)})
-        listener.stage(record, stage)
+        timings = {**record.timings, stage: round(time.perf_counter() - started, 4)}
+        record = replace(record, timings=timings, language=run.cost())
+        run.listener.stage(record, stage)
         return record
 
     try:
         try:
             with kept_alive():
-                record = function(record)  # an interrupt of the listener must not lose what the stage found
+                record = function(
+                    record, run
+                )  # an interrupt of the listener must not lose what the stage found
         except _StoppedMidwayError as stopped:
             record = stopped.record
             raise stopped.__cause__ or stopped from None
@@ -336,122 +338,66 @@ def _run_stage(
         raise
 
 
-def _set_up(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> EpisodeRecord:
-    instance = components.robot.reset(components.task, request.seed, request.instruction)
+def _set_up(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
+    instance = run.robot.reset(run.components.task, run.request.seed, run.request.instruction)
     if instance is None:
         return record
     return replace(record, instruction=instance.instruction, goal=instance.goal)
 
 
-def _observe(
-    record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
-) -> EpisodeRecord:
+def _observe(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     if record.attempts or record.parts:
         last = previous(record)
-        if (record.parts or record.second_try) and last_look_stands(components.robot, last):
+        if (record.parts or record.second_try) and last_look_stands(run.robot, last):
             return replace(record, observation=last.after, scene=last.after_scene)
-        trouble = back_off(components.robot, last, _moving(listener))
-        record = replace(record, notes=(*record.notes, trouble)) if trouble else record
-    return replace(record, observation=_look(components, request, 2 * _looks(record)))
+        record = _noted(record, back_off(run.robot, last, run.moving()))
+    return replace(record, observation=run.look(record))
 
 
-def _moving(
-    listener: EpisodeListener, waypoint: Callable[[WaypointReport], None] | None = None
-) -> ExecutionListener:
-    """The callbacks during a motion: those that the listener wants, and ``waypoint`` for each report."""
-    heard: dict[str, Callable[..., None]] = {} if waypoint is None else {"waypoint": waypoint}
-    if getattr(listener, "wants_frames", True):
-        heard["frame"] = listener.frame
-    if isinstance(listener, MotionListener):
-        heard["moment"] = listener.moment
-    return ExecutionListener(**heard)
-
-
-def _look(components: Components, request: EpisodeRequest, *number: int) -> Observation:
-    """The robot's observation, with the noise of this look."""
-    noise = np.random.default_rng([request.seed, *number])
-    return read_only(apply_noise(components.robot.observe(), request.depth_noise, noise, request.seed))
-
-
-def _looks(record: EpisodeRecord) -> int:
-    """The number of looks and motions before this attempt's present part."""
-    return sum(len(each.whole) for each in record.attempts) + len(record.parts)
-
-
-def _perceive(record: EpisodeRecord, components: Components) -> EpisodeRecord:
+def _perceive(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     if record.observation is None:
         raise RuntimeError("The episode has no observation: perceive was run too early.")
     # That of the last motion's look, where that stands.
-    scene = record.scene or _perceived(record.observation, record, components)
+    scene = record.scene or run.perceived(record.observation, record.instruction)
     return replace(record, scene=with_covered(scene, record))
 
 
-def _perceived(observation: Observation, record: EpisodeRecord, components: Components) -> Scene:
-    who, workspace = components.named("perceiver"), components.robot.arm.workspace
-    return perceive(components.perceiver, observation, record.instruction, workspace, who)
-
-
-def _reconstruct(record: EpisodeRecord, components: Components) -> EpisodeRecord:
-    seen = record.seen
-    scene, sentence = refine_scene(seen.scene, seen.observation, record.instruction, components.geometry)
+def _reconstruct(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
+    seen, geometry = record.seen, run.components.geometry
+    scene, sentence = refine_scene(seen.scene, seen.observation, record.instruction, geometry)
     refined = seen.scene if scene is seen.scene else read_only(scene)
     return replace(record, scene=refined, refinement=sentence)
 
 
-def _recall(record: EpisodeRecord, components: Components) -> EpisodeRecord:
-    task, who = memory_task(record), components.named("memory")
-
-    def degraded(why: str) -> MemoryContext:
-        return MemoryContext(degraded=why)
-
-    context = answer_of(lambda: components.memory.recall(task), MemoryContext, degraded, who)
+def _recall(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
+    task, memory, who = memory_task(record), run.components.memory, run.components.named("memory")
+    context = answer_of(
+        lambda: memory.recall(task), MemoryContext, lambda why: MemoryContext(degraded=why), who
+    )
     notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
     context, skipped = with_sound_effects(context)
     return replace(record, recalled=context, notes=record.notes + notes + skipped)
 
 
-def _plan(
-    record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
-) -> EpisodeRecord:
-    """Plan; a perceiver that may look closer does so where nothing seen is what was asked for."""
-
-    def plan(record: EpisodeRecord) -> EpisodeRecord:
-        return _planner(record, components, request).plan(record)
-
-    perceiver, robot, who = components.perceiver, components.robot, components.named("perceiver")
-    record = plan(record)
-    if not isinstance(perceiver, LooksCloser):
-        return record
-    looks = _looks(record)
-
-    def observe(number: int) -> Observation:
-        return _look(components, request, 2 * looks, number)
-
-    return with_closer_looks(record, Eyes(perceiver, who, robot, observe, _moving(listener)), plan)
-
-
-def _planner(record: EpisodeRecord, components: Components, request: EpisodeRequest) -> PlannerWithFallback:
+def _planner(record: EpisodeRecord, run: _Run) -> PlannerWithFallback:
     """The planner with its fallback; for a later part or a second try, the rest of the program itself."""
+    components = run.components
     name, other = components.choices.get("planner", ""), components.choices.get("fallback", "fallback")
     first, fallback = NamedPlanner(name, components.planner), None
     if record.parts or record.second_try:
         first = NamedPlanner(f"{name}, part {len(record.whole)}", remaining_program(record))
     elif components.fallback is not None:
         fallback = NamedPlanner(other, components.fallback)
-    seconds, arm = request.planner_timeout, components.robot.arm
-    return PlannerWithFallback(first, fallback, seconds, arm, components.skills)
+    return PlannerWithFallback(first, fallback, run.request.planner_timeout, run.robot.arm, components.skills)
 
 
-def _execute(
-    record: EpisodeRecord, components: Components, request: EpisodeRequest, listener: EpisodeListener
-) -> EpisodeRecord:
+def _execute(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     """Move, and observe the result."""
     given = record.executable
     done: list[WaypointReport] = []
-    heard = _moving(listener, done.append)
     try:
         with kept_alive():
-            report = components.robot.execute(given.trajectory, given.scene, heard)
+            report = run.robot.execute(given.trajectory, given.scene, run.moving(done.append))
     except (Exception, KeyboardInterrupt) as cause:
         raise _StoppedMidwayError(replace(record, report=ExecutionReport(tuple(done)))) from cause
     record = replace(record, report=report)
@@ -460,24 +406,23 @@ def _execute(
         message = f"Waypoint {stopped.index} ({stopped.stage}): {stopped.message or stopped.abort}"
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
-        after = _look(components, request, 2 * _looks(record) + 1)
+        after = run.look(record, after=True)
         if cameras_moved(record.seen.observation, after) and hand_is_free(report):
             # Around the scene as it is now: what the motion opened stands where nothing was.
             now = replace(record, after=after)
             with suppress(Gvla2Error):
-                now = replace(now, after_scene=_perceived(after, record, components))
-            note = back_off(components.robot, now, _moving(listener))
-            record = replace(record, notes=(*record.notes, note)) if note else record
-            after = _look(components, request, 2 * _looks(record) + 1)
-        return replace(record, after=after, after_scene=_perceived(after, record, components))
+                now = replace(now, after_scene=run.perceived(after, record.instruction))
+            record = _noted(record, back_off(run.robot, now, run.moving()))
+            after = run.look(record, after=True)
+        return replace(record, after=after, after_scene=run.perceived(after, record.instruction))
     except SimulationError as error:
         return replace(record, failure=Failure("execute", VOID, str(error)))
     except Gvla2Error as error:
-        return replace(record, notes=(*record.notes, f"Nothing could be perceived at the end: {error}"))
+        return _noted(record, f"Nothing could be perceived at the end: {error}")
 
 
-def _verify(record: EpisodeRecord, components: Components) -> EpisodeRecord:
-    given = record.planned
+def _verify(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
+    given, components = record.planned, run.components
     last = record.after or record.seen.observation
     evidence = RobotEvidence(
         instruction=part_instruction(record) if record.partial else record.instruction,
@@ -497,26 +442,37 @@ def _verify(record: EpisodeRecord, components: Components) -> EpisodeRecord:
     return record
 
 
-def _learn(record: EpisodeRecord, components: Components) -> EpisodeRecord:
+def _learn(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     """Report every attempt and every part to memory, each with its own verdict."""
-    who = components.named("memory")
-
-    def degraded(why: str) -> Learned:
-        return Learned(degraded=why)
-
+    memory, who = run.components.memory, run.components.named("memory")
     learned = Learned.combined(
-        answer_of(partial(components.memory.learn, episode, verdict), Learned, degraded, who)
-        for episode, verdict in stories_of(record, components.skills)
+        answer_of(partial(memory.learn, episode, verdict), Learned, lambda why: Learned(degraded=why), who)
+        for episode, verdict in stories_of(record, run.components.skills)
     )
-    notes = (f"Nothing was learned: {learned.degraded}",) if learned.degraded else ()
-    return replace(record, learned=learned, notes=record.notes + notes)
+    record = replace(record, learned=learned)
+    return _noted(record, f"Nothing was learned: {learned.degraded}" if learned.degraded else "")
 
 
-def _check_success(record: EpisodeRecord, components: Components) -> EpisodeRecord:
-    success_check = components.robot.success_check()
+def _check_success(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
+    success_check = run.robot.success_check()
     record = replace(record, success_check=success_check)
     if success_check is not None and not success_check.relaxed and record.failure is None:
         # The verifier saw nothing wrong, the success check did: say so rather than leave an unexplained failure.
         message = f"The success check found the goal not reached ({record.goal or 'see the task'})."
         return replace(record, failure=Failure("success_check", "goal_not_reached", message))
     return record
+
+
+_ONCE: _Stages = {
+    "observe": _observe,
+    "perceive": _perceive,
+    "reconstruct": _reconstruct,
+    "recall": _recall,
+    "plan": lambda record, run: _planner(record, run).plan(record),
+    "check": lambda record, run: _planner(record, run).check(record),
+    "execute": _execute,
+    "verify": _verify,
+}
+"""The stages from a look to a verdict."""
+_AGAIN: _Stages = {stage: function for stage, function in _ONCE.items() if stage != "recall"}
+"""Those of later parts and attempts: what memory answered stays."""

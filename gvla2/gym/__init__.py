@@ -16,8 +16,9 @@ __all__ = ["RecordRollouts", "env_id", "register_envs", "replay"]
 
 NAMESPACE, VERSION = "gvla2", 0
 
-MAX_STEPS = 40
-"""Waypoints after which Gymnasium truncates an episode; ``gymnasium.make(..., max_episode_steps=N)`` overrides it."""
+MAX_STEPS = 200
+"""Steps, ten seconds, after which Gymnasium truncates an episode; ``gymnasium.make(..., max_episode_steps=N)``
+overrides it."""
 
 
 def env_id(task: str) -> str:

@@ -1,4 +1,4 @@
-"""The environment: one task on one robot, one waypoint or joint change per step."""
+"""The environment: one task on one robot, one change of its joints, or their targets, per step."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
-from gvla2.gym.actions import JointActions, JointPositions, WaypointActions
+from gvla2.gym.actions import JointActions, JointPositions
 from gvla2.planning.arm import Arm
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.backend import Truthful
@@ -26,10 +26,12 @@ MAX_DEPTH = 10.0
 """Metres; anything further away counts as not measured."""
 BEYOND = 1.0
 """How far outside the workspace the tool may be seen, metres."""
+MOST_STEP = 0.5
+"""Largest change of a joint in one action, radians."""
 MOST_BODIES = 16
 """Rows for true poses; layouts have four to a dozen bodies, and spaces don't change from one episode to the next."""
 
-Control = Literal["waypoint", "joint_delta", "joint_position"]
+Control = Literal["joint_delta", "joint_position"]
 ObservationMode = Literal["rgbd", "state"]
 Arrays = dict[str, NDArray[Any]]
 
@@ -37,12 +39,9 @@ Arrays = dict[str, NDArray[Any]]
 class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     """A task as a Gymnasium environment.
 
-    ``control="waypoint"``: an action is a waypoint (see :class:`~gvla2.gym.actions.WaypointActions`), which the robot's
-    own motion planner and executor carry out: straight where they can, else around the table and the arm itself.
-    Objects on the table are not obstacles: avoiding them is up to the agent. A waypoint that cannot be reached moves
-    nothing, costs its step, and is reported in ``info["waypoint"]``. ``control="joint_delta"``: an action changes the
-    joints' targets (see :class:`~gvla2.gym.actions.JointActions`), 20 times a second; nothing is planned or checked.
-    ``control="joint_position"``: it is the targets (see :class:`~gvla2.gym.actions.JointPositions`).
+    ``control="joint_delta"``: an action changes the joints' targets (see :class:`~gvla2.gym.actions.JointActions`), 20
+    times a second; ``control="joint_position"``: it is the targets (see :class:`~gvla2.gym.actions.JointPositions`).
+    Nothing is planned or checked.
 
     The observation holds ``tcp`` (7,): x, y, z in metres and the quaternion x, y, z, w (x >= 0), world; ``gripper``
     (1,): width between the fingers, metres; ``joints`` (dof,), radians. With ``obs_mode="rgbd"`` there are ``rgb``
@@ -51,11 +50,11 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
 
     The reward is 1 when the goal of ``profile`` is reached, which ends the episode, and 0 otherwise.
     ``info`` has the ``instruction`` and the ``cameras`` or the ``bodies``' names, and after a step ``success`` by
-    profile, ``is_success`` and ``waypoint``. :meth:`reset` with ``seed=N`` lays out what ``gvla2 run seed=N`` does, and
+    profile, and ``is_success``. :meth:`reset` with ``seed=N`` lays out what ``gvla2 run seed=N`` does, and
     takes the option ``instruction``, a sentence of your own.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 1}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}
 
     def __init__(
         self,
@@ -67,18 +66,17 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         task_options: Mapping[str, Any] | None = None,
         robot_options: Mapping[str, Any] | None = None,
         profile: Profile = "relaxed",
-        control: Control = "waypoint",
+        control: Control = "joint_delta",
         obs_mode: ObservationMode = "rgbd",
-        speed: float = 0.2,
         joint_step: float = 0.1,
         render_mode: str | None = None,
     ) -> None:
         """Build task and robot by name, with their options as on the command line.
 
         ``image_size`` (pixels) and ``cameras`` (names) are shortcuts for options of the robot; a task may ask for
-        larger images than that. ``speed`` of the tool in m/s, for waypoints; ``joint_step`` in radians, what 1 means in
-        an action of joint changes. Raises :class:`gvla2.errors.UnknownComponentError` and :class:`ConfigurationError`
-        for names and options that do not exist.
+        larger images than that. ``joint_step`` in radians is what 1 means in an action of joint changes.
+        Raises :class:`gvla2.errors.UnknownComponentError` and :class:`ConfigurationError` for names and options that
+        do not exist.
         """
         for name, value, known in (
             ("profile", profile, get_args(Profile)),
@@ -88,9 +86,10 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         ):
             if value not in known:
                 raise ConfigurationError(f"{name} is '{value}'; it is one of {', '.join(map(str, known))}.")
-        for name, number, most in (("speed", speed, 1), ("joint_step", joint_step, 0.5)):
-            if not 0 < number <= most:
-                raise ConfigurationError(f"{name} is {number}; it lies above 0 and is {most} at most.")
+        if not 0 < joint_step <= MOST_STEP:
+            raise ConfigurationError(
+                f"joint_step is {joint_step}; it lies above 0 and is {MOST_STEP} at most."
+            )
         short = {"image_size": image_size, "cameras": None if cameras is None else list(cameras)}
         options = {**(robot_options or {}), **{name: one for name, one in short.items() if one is not None}}
         root = {"robot": {**options, "name": robot}, "task": {**(task_options or {}), "name": task}}
@@ -111,13 +110,11 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         self._last: Arrays = {}
         self._shown: dict[str, Any] = {}
         try:
-            self.actions: WaypointActions | JointActions
-            if control == "waypoint":
-                self.actions = WaypointActions(self._robot, speed)
-            elif control == "joint_delta":
-                self.actions = JointActions(self._robot, joint_step)
-            else:
-                self.actions = JointPositions(self._robot)
+            self.actions = (
+                JointActions(self._robot, joint_step)
+                if control == "joint_delta"
+                else JointPositions(self._robot)
+            )
             self.action_space = self.actions.space
             self._lay_out(0, None)  # the cameras themselves know how large the images are
             self.observation_space = gymnasium.spaces.Dict(self._spaces())
@@ -174,7 +171,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         except SimulationError as lost:
             error = {"error": str(lost)}
         done = success[self._profile]
-        info = {**self._shown, **self.actions.info, "success": success, "is_success": done, **error}
+        info = {**self._shown, "success": success, "is_success": done, **error}
         return self._last, float(done), done, bool(error), info
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -198,7 +195,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
                 f"This episode has {len(instance.layout.bodies)} bodies, and obs_mode='state' has room for "
                 f"{MOST_BODIES}: ask for fewer distractors, or for obs_mode='rgbd'."
             )
-        self.actions.begin(instance, self._robot.observe())
+        self.actions.begin(self._robot.observe())
         self._instance = instance
 
     def _running(self) -> TaskInstance:

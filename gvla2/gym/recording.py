@@ -21,11 +21,11 @@ Step = dict[str, Any]
 class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[np.float32]]):
     """Stores every episode in a folder of its own below ``folder``, which must be empty or missing.
 
-    One frame per step, and one at the start: the first camera's picture, the measured joints and opening. With
-    ``control="joint_delta"`` there are 20 a second; a waypoint counts as one second. An episode is stored when it ends,
-    or is left by :meth:`reset` or :meth:`close`; ``gvla2 export lerobot FOLDER to=DATASET`` takes those that succeeded.
-    Raises :class:`ConfigurationError` for an environment that is not gvla2's or shows no images, or images too small
-    for a film, and :class:`OutputError` for a folder that is not empty.
+    One frame per step, and one at the start: the first camera's picture, the measured joints and opening, 20
+    frames a second. An episode is stored when it ends, or is left by :meth:`reset` or :meth:`close`;
+    ``gvla2 export lerobot FOLDER to=DATASET`` takes those that succeeded. Raises :class:`ConfigurationError` for an
+    environment that is not gvla2's or shows no images, or images too small for a film, and :class:`OutputError` for a
+    folder that is not empty.
     """
 
     def __init__(self, env: gymnasium.Env[Step, NDArray[np.float32]], folder: str | Path) -> None:

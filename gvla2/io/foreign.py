@@ -1,4 +1,4 @@
-"""Arrays and pictures that others wrote: plain data in files, of a size that fits into memory once unpacked."""
+"""Arrays and pictures in files: those that others wrote are plain data that fits into memory once unpacked."""
 
 from __future__ import annotations
 
@@ -37,24 +37,30 @@ def read_arrays(
         return {name: archive[name] for name in asked}
 
 
-def read_array(
-    path: str | os.PathLike[str], what: str, kind: type[Gvla2Error] = GeometryError
-) -> NDArray[Any]:
-    """The array of an .npy file; raises ``kind`` as :func:`read_arrays`."""
-    with reading(what, path, kind):
+def read_array(path: str | os.PathLike[str], what: str) -> NDArray[Any]:
+    """The array of an .npy file; raises :class:`GeometryError` as :func:`read_arrays`."""
+    with reading(what, path):
         _check_size(Path(path).stat().st_size)
         return np.asarray(np.load(io.BytesIO(Path(path).read_bytes()), allow_pickle=False))
 
 
-def read_picture(path: str | os.PathLike[str], kind: type[Gvla2Error] = GeometryError) -> Image.Image:
-    """A picture with its pixels; raises ``kind``, naming the file, for what is none or has more pixels than Pillow
-    takes to be safe, 89 million.
+def read_picture(path: str | os.PathLike[str]) -> Image.Image:
+    """A picture with its pixels; raises :class:`GeometryError`, naming the file, for what is none or has more pixels
+    than Pillow takes to be safe, 89 million.
     """
-    with reading("the picture", path, kind), warnings.catch_warnings():
+    with reading("the picture", path), warnings.catch_warnings():
         warnings.simplefilter("error", Image.DecompressionBombWarning)
         with Image.open(path) as picture:
             picture.load()
             return picture
+
+
+def png_bytes(picture: Image.Image | NDArray[np.uint8]) -> bytes:
+    """A picture, or an image (H, W), (H, W, 3) or (H, W, 4), as a PNG file's bytes."""
+    stream = io.BytesIO()
+    shown = picture if isinstance(picture, Image.Image) else Image.fromarray(np.ascontiguousarray(picture))
+    shown.save(stream, "PNG")
+    return stream.getvalue()
 
 
 def _check_size(taken: int) -> None:

@@ -7,7 +7,6 @@ object that the mask shows, or one that geometry alone did not separate.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
@@ -19,6 +18,7 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.io.foreign import png_bytes
 from gvla2.language.contracts import LanguageModel, LanguageModelError
 from gvla2.language.contracts import picture as picture_part
 from gvla2.language.typed import ask_typed, json_in
@@ -199,9 +199,7 @@ def overlay(
     pen = ImageDraw.Draw(drawn)
     for u, v in clicks:
         pen.ellipse([u * factor - 4, v * factor - 4, u * factor + 4, v * factor + 4], fill=(0, 255, 0))
-    stream = io.BytesIO()
-    drawn.save(stream, "PNG")
-    return stream.getvalue()
+    return png_bytes(drawn)
 
 
 def localized(

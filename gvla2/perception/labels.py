@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +11,7 @@ import numpy as np
 from PIL import Image
 
 from gvla2.geometry.views import Observation, View
+from gvla2.io.foreign import png_bytes
 from gvla2.language.contracts import LanguageModel, LanguageModelError, picture
 from gvla2.language.typed import ask_typed, json_in
 from gvla2.perception.objects import object_of
@@ -55,7 +55,7 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
     Painted regions and parts keep their labels: a lid is the lid of the named object. An object unknown to all keeps
     its colour and shape; the notes say so.
     """
-    left = list(filter(_nameless, scene.objects))
+    left = [o for o in scene.objects if o.shape != "region" and not o.parent and not o.named_by]
     notes = list(scene.notes)
     for labeller in labellers:
         if not left:
@@ -80,10 +80,6 @@ def labelled(scene: Scene, observation: Observation, labellers: Sequence[Labelle
     return _joined(replace(scene, notes=tuple(notes)))
 
 
-def _nameless(obj: SceneObject) -> bool:
-    return obj.shape != "region" and not obj.parent and not obj.named_by
-
-
 def _joined(scene: Scene) -> Scene:
     """The scene with pieces of one package, which bear the same words one above the other, as one object."""
     read = {o.id: o for o in scene.objects if o.named_by == PRINTED}
@@ -104,23 +100,6 @@ def _joined(scene: Scene) -> Scene:
                 scene = replace(scene, objects=tuple(moved)).with_object(read[whole.id])
                 break
     return scene
-
-
-class NamesCloser:
-    """The part of a perceiver that implements :class:`gvla2.planning.contracts.LooksCloser` by its labellers."""
-
-    def __init__(self, labellers: Sequence[Labeller], looks: int) -> None:
-        self._labellers, self._looks = labellers, looks
-
-    def to_look_at(self, scene: Scene, looks: int) -> Sequence[SceneObject]:
-        """The whole objects without a name that are closed: what is open is named by its shape."""
-        if looks >= self._looks or not self._labellers:
-            return ()
-        return [o for o in scene.objects if _nameless(o) and not o.opening]
-
-    def look_again(self, scene: Scene, closer: Observation) -> Scene:
-        """The scene with the labellers' names in the closer picture."""
-        return labelled(scene, closer, self._labellers)
 
 
 CROPS = 2
@@ -155,7 +134,7 @@ class CropReader:
 
     def _read(self, obj: SceneObject, observation: Observation) -> Naming:
         crops = sorted((crop_of(view, obj) for view in observation.views), key=lambda c: -c[0])
-        shown = [_png(crop, self._longest) for pixels, crop in crops[:CROPS] if pixels]
+        shown = [png_bytes(_enlarged(crop, self._longest)) for pixels, crop in crops[:CROPS] if pixels]
         if not shown:
             return Naming("", 0.0, why="No picture shows it.")
         size = " x ".join(f"{1e3 * side:.0f}" for side in obj.extents)
@@ -187,14 +166,12 @@ def crop_of(view: View, obj: SceneObject) -> tuple[int, np.ndarray]:
     return len(np.unique(np.floor(inside), axis=0)), view.image[top:bottom, left:right]
 
 
-def _png(crop: np.ndarray, longest: int) -> bytes:
+def _enlarged(crop: np.ndarray, longest: int) -> Image.Image:
     factor = max(1, min(longest, 448) // max(crop.shape[:2]))
     image = Image.fromarray(np.ascontiguousarray(crop))
     grown = image.resize((image.width * factor, image.height * factor), Image.Resampling.BICUBIC)
     grown.thumbnail((longest, longest))
-    stream = io.BytesIO()
-    grown.save(stream, "PNG")
-    return stream.getvalue()
+    return grown
 
 
 def _parse(text: str) -> tuple[str, float]:

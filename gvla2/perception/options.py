@@ -32,14 +32,11 @@ class NamingOptions:
     ``gallery``: a folder of scans (.obj, .glb, .ply; with joints .urdf) of known objects, "" for none. ``read_text``:
     whether text on objects that the gallery does not know is read, in pictures of some 700 pixels and more.
     ``read_crops``: whether the model at ``vision`` reads crops of objects that the gallery does not know.
-    ``closer_looks``: how often in an episode the camera on the arm, if there is one, looks at an unnamed object from
-    nearer, where no other is what the instruction names.
     """
 
     gallery: str = ""
     read_text: bool = False
     read_crops: bool = False
-    closer_looks: int = 0
     vision: VisionOptions = field(default_factory=VisionOptions)
 
 

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 from gvla2.errors import ConformanceError, PerceptionError, PlannerTimeoutError, PlanningError
 from gvla2.geometry.exchange import read_only, require, require_array, require_rigid, require_type
 from gvla2.geometry.views import Observation
-from gvla2.planning.contracts import LooksCloser, Perceiver, Plan, Planner, PlanRequest
+from gvla2.planning.contracts import Perceiver, Plan, Planner, PlanRequest
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Trajectory
 
@@ -31,15 +31,6 @@ def perceive(
     Raises :class:`PerceptionError` when nothing is seen, and for an answer of ``who``, the perceiver, that is no scene.
     """
     scene = perceiver.perceive(read_only(observation), instruction, read_only(workspace))
-    return _checked(scene, observation, who)
-
-
-def look_again(perceiver: LooksCloser, scene: Scene, closer: Observation, who: str) -> Scene:
-    """The scene with the names that the perceiver, ``who``, sees from nearer; as :func:`perceive`."""
-    return _checked(perceiver.look_again(scene, read_only(closer)), closer, who)
-
-
-def _checked(scene: Scene, observation: Observation, who: str) -> Scene:
     try:
         check_scene(scene)
     except (ConformanceError, TypeError, ValueError) as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from gvla2.planning.arm import Arm
 from gvla2.planning.effects import Effect
 from gvla2.planning.plan import Abstention, AbstentionKind, Candidate, Plan, RefusedError
 from gvla2.planning.programs import Program
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import Box, Scene
 from gvla2.planning.skill import Skill
 from gvla2.planning.trajectory import Trajectory
 
@@ -29,19 +29,6 @@ class Perceiver(Protocol):
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene X_t inside ``workspace``; raises :class:`~gvla2.errors.PerceptionError` when nothing is seen."""
-        ...
-
-
-@runtime_checkable
-class LooksCloser(Protocol):
-    """A perceiver that may find out an object's name in a picture from nearer, by a camera on the arm."""
-
-    def to_look_at(self, scene: Scene, looks: int) -> Sequence[SceneObject]:
-        """The objects that may get a name that way, after so far ``looks``; none where it wants no more of them."""
-        ...
-
-    def look_again(self, scene: Scene, closer: Observation) -> Scene:
-        """The scene with the names that a look from nearer shows; ``closer`` has that one view."""
         ...
 
 

@@ -21,13 +21,12 @@ class Abstention:
     """A planner's typed refusal: nothing is moved.
 
     ``unread``: words of the instruction were not understood, so a more capable planner may find a plan; the object need
-    not be absent. ``phrase`` is the noun phrase that no object fits, as it was said, "" for other reasons.
+    not be absent.
     """
 
     kind: AbstentionKind
     message: str
     unread: bool = False
-    phrase: str = ""
 
     @property
     def gives_way(self) -> bool:
@@ -38,9 +37,9 @@ class Abstention:
 class RefusedError(Exception):
     """Ends a search for calls or a plan with a refusal, its ``abstention``."""
 
-    def __init__(self, kind: AbstentionKind, message: str, unread: bool = False, phrase: str = "") -> None:
+    def __init__(self, kind: AbstentionKind, message: str, unread: bool = False) -> None:
         super().__init__(message)
-        self.abstention = Abstention(kind, message, unread, phrase)
+        self.abstention = Abstention(kind, message, unread)
 
 
 @dataclass(frozen=True)

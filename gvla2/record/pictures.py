@@ -13,6 +13,7 @@ from gvla2.episode.record import EpisodeRecord
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
+from gvla2.io.foreign import png_bytes
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import (
@@ -25,7 +26,6 @@ from gvla2.record.drawing import (
     enlarged,
     marker_colour,
     part_about,
-    png,
 )
 
 OPEN_COLOUR: Colour = (120, 214, 255)
@@ -178,17 +178,17 @@ def main_picture(observation: Observation) -> bytes:
     """The picture for before and after, of a front camera if there is one, else of the first."""
     views = observation.views
     main = next((v for v in views if "front" in v.name), views[0])
-    return png(enlarged(Image.fromarray(observation.shown(main).image), 512))
+    return png_bytes(enlarged(Image.fromarray(observation.shown(main).image), 512))
 
 
 def plain_pictures(observation: Observation) -> Shots:
     """Each camera's picture."""
-    return {view.name: png(Image.fromarray(view.image)) for view in observation.pictured()}
+    return {view.name: png_bytes(view.image) for view in observation.pictured()}
 
 
 def object_pictures(observation: Observation, scene: Scene) -> Shots:
     """Each camera's picture with the perceived objects."""
-    return {view.name: png(perception_overlay(view, scene)) for view in observation.pictured()}
+    return {view.name: png_bytes(perception_overlay(view, scene)) for view in observation.pictured()}
 
 
 def plan_pictures(
@@ -198,7 +198,7 @@ def plan_pictures(
     start = observation.world_from_tcp[:3, 3]
 
     def drawn(view: View) -> bytes:
-        return png(plan_overlay(view, trajectory, start, scene))
+        return png_bytes(plan_overlay(view, trajectory, start, scene))
 
     return {v.name: drawn(v) for v in plan_views(observation.pictured(), trajectory, count)}
 

@@ -18,10 +18,6 @@ class TrackedRun:
     folder: Path
     config: Mapping[str, Any]
 
-    def flat(self) -> dict[str, Any]:
-        """The configuration with dotted names, for comparing runs in a tracker: "planner.lift_height"."""
-        return _flat(self.config)
-
 
 class Tracker(Protocol):
     """Reports a run to an experiment-tracking service. Its errors become warnings: a run never stops for them."""
@@ -45,11 +41,3 @@ class Viewer(Protocol):
     def show(self, record: EpisodeRecord, folder: Path) -> None:
         """Show the finished episode of ``record``; ``folder`` has its page, film and states, and may get more files."""
         ...
-
-
-def _flat(value: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, item in value.items():
-        name = f"{before}{key}"
-        found |= _flat(item, f"{name}.") if isinstance(item, Mapping) else {name: item}
-    return found

@@ -14,7 +14,7 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import Observation, Views
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.frames import check_workspace
-from gvla2.perception.labels import NamesCloser, labelled
+from gvla2.perception.labels import labelled
 from gvla2.perception.objects import MOST_POINTS, colour_word, new_ids, numbered, over_workspace, true_colour
 from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed
@@ -53,7 +53,7 @@ WHOLES = (join_lids, join_fronts, join_doors, join_stems, name_knives, join_bott
 """What is looked for, in this order: a side of a case is not to be taken for a bottle."""
 
 
-class ClassicalPerceiver(NamesCloser):
+class ClassicalPerceiver:
     """Objects on a table from RGB-D views, by geometry and colour; the instruction is not used.
 
     All views are used together: a pixel graph in each image, pieces joined across views, a solid (box, cylinder,
@@ -69,7 +69,7 @@ class ClassicalPerceiver(NamesCloser):
                 "min_points at least 4."
             )
         self._config = config
-        super().__init__(labellers(config), config.closer_looks)
+        self._labellers = labellers(config)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene inside ``workspace``, objects ordered by x, then y.

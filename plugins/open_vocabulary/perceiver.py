@@ -16,7 +16,7 @@ from gvla2.errors import ConfigurationError, MissingDependencyError, reading
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import MaskCandidate, fuse, objects_of
 from gvla2.perception.frames import frames_of
-from gvla2.perception.labels import NamesCloser, labelled
+from gvla2.perception.labels import labelled
 from gvla2.perception.objects import numbered, over_workspace
 from gvla2.perception.options import labellers
 from gvla2.planning.scene import Box, Scene
@@ -37,7 +37,7 @@ _BETWEEN = re.compile(
 """Words and punctuation between the names of objects in an instruction."""
 
 
-class VocabularyPerceiver(NamesCloser):
+class VocabularyPerceiver:
     """Asks a model for masks of named objects; depth places them."""
 
     def __init__(self, config: VocabularyConfig, finder: Sam3) -> None:
@@ -47,7 +47,7 @@ class VocabularyPerceiver(NamesCloser):
                 f"{config.threshold} and {config.min_points}."
             )
         self._config, self._finder = config, finder
-        super().__init__(labellers(config), config.closer_looks)
+        self._labellers = labellers(config)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene inside ``workspace``; raises :class:`PerceptionError` like every perceiver."""

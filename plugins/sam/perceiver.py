@@ -12,7 +12,7 @@ from gvla2.geometry.views import Observation
 from gvla2.perception.clicks import Prompt, Segmenter, Segments, localized
 from gvla2.perception.clusters import IntArray, MaskCandidate, clusters, fuse, iou, objects_of
 from gvla2.perception.frames import BoolArray, ViewFrame, frames_of, raised
-from gvla2.perception.labels import NamesCloser, labelled
+from gvla2.perception.labels import labelled
 from gvla2.perception.objects import numbered, over_workspace
 from gvla2.perception.options import labellers, vision_model
 from gvla2.planning.scene import Box, Scene
@@ -29,7 +29,7 @@ COVERED = 0.75
 """Share of a cluster's pixels in the mask of a larger one, over all pictures, from which it is a part of that."""
 
 
-class SamPerceiver(NamesCloser):
+class SamPerceiver:
     """Objects on a table from RGB-D views; geometry proposes, the model draws the outlines.
 
     Raises :class:`ConfigurationError` for options that cannot be, :class:`MissingDependencyError` without weights.
@@ -42,7 +42,7 @@ class SamPerceiver(NamesCloser):
             )
         self._config = config
         self._vision = vision_model(config.vision, "perceiver.localize") if config.localize else None
-        super().__init__(labellers(config), config.closer_looks)
+        self._labellers = labellers(config)
         self._segmenter = segmenter or Sam2Onnx(config.weights)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:

@@ -1,4 +1,4 @@
-"""The skill planners: from words and geometry to waypoints, with or without a model for phrases that fit nothing."""
+"""The skill planner: from words and geometry to waypoints, without a model."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from gvla2.component import check_ranges
 from gvla2.planning.calls import OPTION_RANGES, SkillOptions
 
 if TYPE_CHECKING:
-    from gvla2.language.contracts import LanguageModel
     from gvla2.planning.contracts import Planner
 
 
@@ -29,30 +28,7 @@ def _build(config: SkillConfig) -> Planner:
     return SkillPlanner(config)
 
 
-@dataclass(kw_only=True)
-class SkillLlmConfig(SkillConfig):
-    """Options of the ``skill_llm`` planner: those of ``skill``, and ``sure``, the least sureness in [0, 1] of a model's
-    answer that is believed.
-    """
-
-    sure: float = 0.5
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_ranges(self, "planner", {"sure": (0.0, 1.0, "")})
-
-
-def _build_asking(config: SkillLlmConfig, language: LanguageModel) -> Planner:
-    """As ``skill``; where no object fits a phrase, a language model says which one it means."""
-    from gvla2_plugins.skill.phrases import AskingSkillPlanner
-
-    return AskingSkillPlanner(config, language)
-
-
 @hookimpl
 def gvla2_planners() -> list[Component[Planner]]:
-    """The planners ``skill`` and ``skill_llm``."""
-    return [
-        Component("skill", SkillConfig, _build),
-        Component("skill_llm", SkillLlmConfig, _build_asking, needs=("language",)),
-    ]
+    """The planner ``skill``."""
+    return [Component("skill", SkillConfig, _build)]

@@ -154,7 +154,7 @@ def _nothing(noun: Noun, pool: Sequence[SceneObject], scene: Scene) -> RefusedEr
     seen = ", ".join(sorted(o.label for o in scene.objects)) or "nothing"
     partly = any(_heads(noun.words, o, level) for level in range(3) for o in pool)
     message = f"Nothing here is '{noun.text}'; the scene has: {seen}."
-    return RefusedError("nothing_matches", message, partly, " ".join(noun.words))
+    return RefusedError("nothing_matches", message, partly)
 
 
 def _antecedents(

@@ -36,10 +36,7 @@ class SkillPlanner:
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan or a typed abstention, whatever the instruction says."""
-        return self.carried_out(read(request.instruction, request.scene), request)
-
-    def carried_out(self, found: tuple[SkillCall, ...] | Abstention, request: PlanRequest) -> Plan:
-        """The plan of what :func:`read` found in the request's scene."""
+        found = read(request.instruction, request.scene)
         if isinstance(found, Abstention):
             return Plan(None, abstention=found, options=self.options)
         return carry_out(found, request, self.options)

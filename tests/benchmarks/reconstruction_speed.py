@@ -1,6 +1,6 @@
 """How fast the mask-driven parts of the reconstruction branch are, beside the released code on the same arrays.
 
-    python tests/benchmarks/reconstruction_speed.py [points=300000] [repeats=20] [peer=PATH]
+    python -m tests.benchmarks.reconstruction_speed [points=300000] [repeats=20] [peer=PATH]
 
 ``peer`` is a checkout of GeneralVLA-2, whose own functions are loaded from there; without it its column says
 "not measured". Times are medians after one warm-up call, with the fastest in brackets.
@@ -19,48 +19,18 @@ from types import ModuleType
 import numpy as np
 import trimesh
 
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.compiled import cores
 from gvla2.geometry.mesh import TriangleMesh
-from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.transform import look_along
-from gvla2.geometry.views import View, Views
+from gvla2.geometry.views import Views
 from gvla2.plugins.registry import load_plugins
 from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.support import mask_support, object_centre, soft_hull
 from gvla2.reconstruction.surfels import surfels
+from tests.reconstruction.conftest import make_jug, views_of
 
 SIZE, FOCAL = 256, 1.09375
 SCRIPT = "GeoFuse-MV3D/scripts/soft_visual_hull_refine.py"
-
-
-def build_views(mesh: trimesh.Trimesh, count: int = 5) -> Views:
-    """Masks of a mesh of size 1 from cameras around it, as in the GSO-30 protocol."""
-    rng = np.random.default_rng(0)
-    K = np.array([[FOCAL * SIZE, 0, SIZE / 2], [0, FOCAL * SIZE, SIZE / 2], [0, 0, 1]])
-    cameras = []
-    for number in range(count):
-        direction = rng.normal(size=3)
-        position = direction / np.linalg.norm(direction) * rng.uniform(1.5, 2.2)
-        cameras.append(Camera(K, look_along(position, -position), SIZE, SIZE, f"view{number}"))
-    shots = RayCaster([Surface(mesh.vertices, mesh.faces, np.array([0.6, 0.5, 0.4]), 0)]).cast(cameras, {})
-    return Views(
-        tuple(
-            View(camera, shot.image, shot.depth, (shot.ids >= 0).astype(np.float32))
-            for camera, shot in zip(cameras, shots, strict=True)
-        )
-    )
-
-
-def object_of_size_one() -> trimesh.Trimesh:
-    """A body with a handle."""
-    handle = trimesh.creation.torus(major_radius=0.22, minor_radius=0.05)
-    handle.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
-    handle.apply_translation([0.33, 0, 0.05])
-    mesh = trimesh.util.concatenate([trimesh.creation.cylinder(0.28, 0.9, sections=48), handle])
-    mesh.apply_translation(-mesh.bounds.mean(axis=0))
-    return mesh.apply_scale(1 / mesh.extents.max())
 
 
 def load_peer(root: str | None) -> ModuleType | None:
@@ -90,9 +60,9 @@ def milliseconds(body: Callable[[], object], repeats: int) -> tuple[float, float
     return statistics.median(times), min(times)
 
 
-def show(work: str, ours: tuple[float, float], peer: tuple[float, float] | None, note: str = "") -> None:
+def show(work: str, ours: tuple[float, float], peer: tuple[float, float] | None) -> None:
     theirs = f"{peer[0]:9.1f} [{peer[1]:8.1f}]" if peer else f"{'not measured':>20}"
-    print(f"{work:44s} {ours[0]:9.2f} [{ours[1]:8.2f}] {theirs}   {note}")
+    print(f"{work:44s} {ours[0]:9.2f} [{ours[1]:8.2f}] {theirs}")
 
 
 def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
@@ -100,16 +70,11 @@ def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
     closed = TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     names = {"prior": "depth", "axis": "contours", "fusion": "residual", "renderer": "numba"}
     parts = load_plugins().build_all({kind: {"name": name} for kind, name in names.items()}, tuple(names))
-    g0 = Reconstruction(surfels(closed, count=count), closed, "ok")
-    centre = object_centre(np.asarray(closed.vertices))
-    swollen = Reconstruction(
-        g0.gaussians.with_centres(centre + (g0.gaussians.centres - centre) * [1.04, 0.96, 1.03]),
-        closed.with_vertices(centre + (closed.vertices - centre) * [1.04, 0.96, 1.03]),
-        "ok",
-    )
+    swollen = closed.with_vertices(closed.vertices * [1.04, 0.96, 1.03])
+    g0 = Reconstruction(surfels(swollen, count=count), swollen, "ok")
 
     def whole() -> None:
-        result = refine_geometry(swollen, views, BranchComponents(*parts.values()))
+        result = refine_geometry(g0, views, BranchComponents(*parts.values()))
         whole.stages = ", ".join(f"{s.stage} {s.status}" for s in result.stages)
 
     show(f"whole branch, {len(g0.gaussians)} Gaussians", milliseconds(whole, 3), None)
@@ -121,8 +86,8 @@ def main(arguments: list[str]) -> None:
     options = dict(argument.split("=", 1) for argument in arguments)
     count, repeats = int(options.get("points", 300_000)), int(options.get("repeats", 20))
     peer = load_peer(options.get("peer"))
-    mesh = object_of_size_one()
-    views = build_views(mesh)
+    mesh = make_jug()
+    views = views_of(mesh, size=SIZE)
     points = np.ascontiguousarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
     centre = object_centre(points)
     setting = f"{count} points, {len(views)} views of {SIZE} x {SIZE}, {cores()} cores"
@@ -130,7 +95,6 @@ def main(arguments: list[str]) -> None:
     print(f"{'':44s} {'gvla2':>20} {'released code':>20}")
 
     theirs = theirs_hull = None
-    note = ""
     if peer is not None:
         masks = [view.mask for view in views]
         extrinsics = [view.camera.camera_from_world.astype(np.float32) for view in views]
@@ -144,12 +108,7 @@ def main(arguments: list[str]) -> None:
 
         theirs = milliseconds(score, min(repeats, 5))
         theirs_hull = milliseconds(lambda: peer.refine_points(single, score(), Constants), min(repeats, 5))
-    show(
-        "soft visual hull, scoring only",
-        milliseconds(lambda: mask_support(points, views), repeats),
-        theirs,
-        note,
-    )
+    show("soft visual hull, scoring only", milliseconds(lambda: mask_support(points, views), repeats), theirs)
     show(
         "soft visual hull, scores and moved points",
         milliseconds(lambda: soft_hull(points, mask_support(points, views), centre), repeats),

@@ -21,7 +21,7 @@ from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.record.recorder import RunRecorder
 from gvla2_plugins.axes import ContoursConfig
 from gvla2_plugins.axes.compensations import Contours
-from gvla2_plugins.fusions.strategies import Residual
+from gvla2_plugins.geofuse.fusions import Residual
 from gvla2_plugins.nothing import NoPrior
 from tests.quick import QUICK
 

@@ -16,7 +16,7 @@ from gvla2.geometry.transform import transform_points
 from gvla2.geometry.view_folders import read_views
 from gvla2.reconstruction.surfels import surfels
 from gvla2.testing import inputs
-from gvla2_plugins.sam3d import gvla2_reconstructors
+from gvla2_plugins.geofuse import gvla2_reconstructors
 
 COMPONENT = next(c for c in gvla2_reconstructors() if c.name == "mv_sam3d")
 

@@ -7,7 +7,7 @@ from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.views import Views
 from gvla2.testing import inputs
 from gvla2.testing.reconstruction import check_prior
-from gvla2_plugins.file_prior import FilePriorConfig, gvla2_geometry_priors
+from gvla2_plugins.geofuse import FilePriorConfig, gvla2_geometry_priors
 
 
 def views() -> Views:

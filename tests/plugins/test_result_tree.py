@@ -13,9 +13,11 @@ from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.reconstruction.surfels import surfels
-from gvla2_plugins.sam3d import ResultTreeConfig, gvla2_reconstructors
-from gvla2_plugins.sam3d.results import place_gaussians, place_mesh
+from gvla2_plugins.geofuse import ResultTreeConfig, gvla2_reconstructors
+from gvla2_plugins.geofuse.results import place_gaussians, place_mesh
 from tests.similarities import moved_poses, similarity
+
+BUILD = next(c.build for c in gvla2_reconstructors() if c.name == "result_tree")
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +60,7 @@ def _write(root, shape, gaussians=True, mesh=True, name="toy"):
 
 
 def _build(root, **options):
-    component = gvla2_reconstructors()[0]
-    assert component.name == "result_tree"
-    return component.build(ResultTreeConfig(root=str(root), object="toy", **options))
+    return BUILD(ResultTreeConfig(root=str(root), object="toy", **options))
 
 
 def _off(made, shape):
@@ -129,9 +129,9 @@ def test_a_poor_fit_is_reported(views, tmp_path):
 
 def test_what_is_missing_is_named(views, shape, tmp_path):
     with pytest.raises(ConfigurationError, match=r"reconstructor\.root"):
-        gvla2_reconstructors()[0].build(ResultTreeConfig(object="toy"))
+        BUILD(ResultTreeConfig(object="toy"))
     with pytest.raises(ConfigurationError, match=r"reconstructor\.object"):
-        gvla2_reconstructors()[0].build(ResultTreeConfig(root="here"))
+        BUILD(ResultTreeConfig(root="here"))
     _write(tmp_path, shape, name="shoe")
     with pytest.raises(GeometryError, match=r"no folder.*toy.*Results there: shoe/5views"):
         _build(tmp_path).reconstruct(views)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+from collections import defaultdict
 from dataclasses import replace
-from functools import cache
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +14,18 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.calls import SkillCall
+from gvla2.planning.colours import colours_in
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Box, KnownShape, PartJoint, Scene, SceneObject
+from gvla2.robot.task import TaskInstance
 from gvla2.skills.carry_out import first_part
 from gvla2.skills.grounding import Meant, meant
+from gvla2_plugins.sapien.truth import true_scene
 from gvla2_plugins.skill.planner import read
 from gvla2_plugins.skill.reading import Command, readings
-from gvla2_plugins.tabletop import gvla2_tasks
 from gvla2_plugins.tabletop_objects.task import WORDINGS
+from tests.plugins.tabletop_layouts import TABLE, TASKS, site, task
 
-TASKS = {component.name: component for component in gvla2_tasks()}
 SPACE = Box(np.array([-0.3, -0.7, 0.75]), np.array([0.8, 0.7, 1.7]))
 SENTENCES = json.loads((Path(__file__).parents[1] / "data" / "published_sentences.json").read_text())
 
@@ -83,34 +84,6 @@ KITCHEN = scene(
     scene_object("tomato", "tomato sauce", xy=(0.1, -0.3), colour="orange"),
     scene_object("nut", "ring nut", "ring", xy=(0.1, -0.2), colour="gray"),
 )
-
-
-@pytest.mark.parametrize(
-    ("sentence", "done"),
-    [
-        (
-            "pick the akita black bowl between the plate and the ramekin and place it on the plate",
-            "between, plate, on",
-        ),
-        (
-            "pick the akita black bowl on the top of the wooden cabinet and place it on the plate",
-            "above, plate, on",
-        ),
-        ("pick the akita black bowl next to the ramekin and place it on the stove", "between, stove, on"),
-        (
-            "pick the akita black bowl not between the plate and the ramekin and place it on the plate",
-            "above, plate, on",
-        ),
-        ("put the black bowl on the cabinet on the stove", "above, stove, on"),
-        ("put the orange juice on the plate", "juice, plate, on"),
-        ("push the plate to the front of the stove", "plate, stove, front_of"),
-        ("put the butter to the right of the plate", "butter, plate, right_of"),
-    ],
-)
-def test_perceived_names_and_relations_decide(sentence, done):
-    part = first_part(read(sentence, KITCHEN), KITCHEN)
-    ((call, _),) = part
-    assert str(call) in (f"place({done})", f"push({done})")
 
 
 @pytest.mark.parametrize(
@@ -207,53 +180,53 @@ def test_a_name_of_two_colours_is_not_taken_for_one_that_may_have_either():
     assert calls("put the yellow mug on the left plate", unsure) == ["place(mixed, west, on)"]
 
 
-@pytest.mark.parametrize(("sentence", "what"), [("press", ("twist", "knob")), ("close", ("close", "door"))])
-def test_a_whole_with_one_part_that_moves_means_that_part(sentence, what):
-    call = SkillCall(sentence, "stove" if sentence == "press" else "microwave")
-    found = meant(call, counter())
-    assert isinstance(found, Meant)
-    assert (found.skill, found.theme.id) == what
+def test_a_whole_with_one_part_that_moves_means_that_part():
+    found = [meant(SkillCall(*call), counter()) for call in (("press", "stove"), ("close", "microwave"))]
+    assert [(one.skill, one.theme.id) for one in found] == [("twist", "knob"), ("close", "door")]
     assert isinstance(meant(SkillCall("open", "cabinet"), counter()), Abstention)
 
 
 def gallery(*named, source="gallery") -> Scene:
-    """Objects whose names perception gave, (label, colour) each, side by side."""
+    """Objects whose names perception gave, (label, colour) each, side by side; their ids are their numbers."""
     return scene(
         *(
-            scene_object(label, label, xy=(0.3, 0.1 * i), colour=colour, named_by=source)
+            scene_object(str(i), label, xy=(0.3, 0.1 * i), colour=colour, named_by=source)
             for i, (label, colour) in enumerate(named)
         )
     )
 
 
+def meant_of(sentence: str, where: Scene) -> int | None:
+    """The number of the object that a sentence means, None if it is declined."""
+    found = read(sentence, where)
+    if isinstance(found, Abstention):
+        return None
+    (call,) = found
+    return int(call.theme)
+
+
 @pytest.mark.parametrize(
-    ("sentence", "named", "meant_"),
+    ("sentence", "named", "which"),
     [
-        ("pick up the cream cheese", [("cream cheese", "blue"), ("butter", "orange")], "cream cheese"),
-        ("pick up the orange juice", [("orange juice", "white"), ("juice", "orange")], "orange juice"),
-        ("pick up the black bowl", [("black bowl", "silver"), ("bowl", "black")], "black bowl"),
-        ("pick up the bowl", [("black bowl", "black"), ("bowl", "white")], "bowl"),
-        ("pick up the tomato sauce", [("tomato sauce", "red"), ("bbq sauce", "maroon")], "tomato sauce"),
-        ("lift the lime", [("lime", "green"), ("lemon", "lime")], "lime"),
-        ("lift the red mug", [("mug", "red"), ("mug rack", "red")], "mug"),
-        ("pick up the bbq sauce", [("tomato sauce", "red")], ""),
-        ("pick up the tomato soup", [("tomato sauce", "red"), ("soup", "red")], ""),
-        ("pick up the cream cheese", [("cheese", "white")], ""),
-        ("pick up the lime cube", [("lime", "lime")], ""),
+        ("pick up the cream cheese", [("cream cheese", "blue"), ("butter", "orange")], 0),
+        ("pick up the orange juice", [("orange juice", "white"), ("juice", "orange")], 0),
+        ("pick up the black bowl", [("black bowl", "silver"), ("bowl", "black")], 0),
+        ("pick up the bowl", [("black bowl", "black"), ("bowl", "white")], 1),
+        ("pick up the tomato sauce", [("tomato sauce", "red"), ("bbq sauce", "maroon")], 0),
+        ("lift the lime", [("lime", "green"), ("lemon", "lime")], 0),
+        ("lift the red mug", [("mug", "red"), ("mug rack", "red")], 0),
+        ("pick up the bbq sauce", [("tomato sauce", "red")], None),
+        ("pick up the tomato soup", [("tomato sauce", "red"), ("soup", "red")], None),
+        ("pick up the cream cheese", [("cheese", "white")], None),
+        ("pick up the lime cube", [("lime", "lime")], None),
     ],
 )
-def test_a_name_that_perception_gave_is_the_name(sentence, named, meant_):
-    found = read(sentence, gallery(*named))
-    if meant_:
-        assert not isinstance(found, Abstention), found
-        assert [call.theme for call in found] == [meant_]
-    else:
-        assert isinstance(found, Abstention), found
-        assert found.kind == "nothing_matches"
+def test_a_name_that_perception_gave_is_the_name(sentence, named, which):
+    assert meant_of(sentence, gallery(*named)) == which
 
 
 @pytest.mark.parametrize(
-    ("sentence", "read_on_them", "meant_"),
+    ("sentence", "named", "which"),
     [
         ("pick up the ketchup", [("tomato ketchlp bottle", "red"), ("milk box", "red")], 0),
         ("pick up the cream cheese", [("fresh gream gheese box", "blue"), ("butter box", "orange")], 0),
@@ -276,126 +249,57 @@ def test_a_name_that_perception_gave_is_the_name(sentence, named, meant_):
         ("pick up the milk", [("pudding chocolate milk box", "brown"), ("milk dairy box", "red")], 1),
     ],
 )
-def test_words_read_on_an_object_name_it_where_the_noun_and_its_adjectives_are_there(
-    sentence, read_on_them, meant_
-):
-    found = read(sentence, gallery(*read_on_them, source="text"))
-    assert isinstance(found, Abstention) == (meant_ is None), found
-    if meant_ is not None:
-        assert [call.theme for call in found] == [read_on_them[meant_][0]]
+def test_words_read_on_an_object_name_it_where_the_noun_and_its_adjectives_are_there(sentence, named, which):
+    assert meant_of(sentence, gallery(*named, source="text")) == which
 
 
 # The tasks' own sentences
 
 
-def seen(task: str, colour: str, other: str, target: str) -> Scene:
-    """What perception by shape makes of a task's layout, in few objects."""
-    square = scene_object("goal", f"{target} square", "region", (0.2, -0.3), (0.1, 0.1, 0.001))
-    cubes = [
-        scene_object("a", f"{colour} cube", "box", (0.3, 0.1)),
-        scene_object("b", f"{other} cube", "box", (0.3, -0.1)),
-    ]
-    box = scene_object("a", f"{colour} box", "box", (0.3, 0.0), (0.25, 0.3, 0.15))
-    lid = scene_object("lid", f"{other} lid", "plate", (0.3, 0.0), (0.25, 0.3, 0.01), base=0.15, parent="a")
-    jars = [
-        scene_object(n, f"{c} jar", "cylinder", (0.3, y), (0.066, 0.066, 0.12))
-        for n, c, y in (("a", colour, 0.1), ("b", other, -0.1))
-    ]
-    lids = [
-        scene_object(f"{n}_lid", "gray lid", "disc", (0.3, y), (0.07, 0.07, 0.02), base=0.12, parent=n)
-        for n, y in (("a", 0.1), ("b", -0.1))
-    ]
-    bottle = scene_object("a", "green bottle", "cylinder", (0.3, 0.0), (0.07, 0.07, 0.2))
-    cap = scene_object("cap", "yellow cap", "cylinder", (0.3, 0.0), (0.03, 0.03, 0.03), base=0.2, parent="a")
-    drawer = scene_object("d", f"{colour} drawer", "box", (0.2, 0.15), (0.012, 0.248, 0.128), parent="c")
-    cabinet = scene_object("c", f"{other} cabinet", "box", (0.31, 0.15), (0.24, 0.28, 0.16))
-    handle = scene_object(
-        "h", "gray handle", "bar", (0.15, 0.15), (0.012, 0.11, 0.012), base=0.12, parent="d"
-    )
-    lamp = scene_object("l", "black lamp base", "plate", (0.3, 0.0), (0.16, 0.1, 0.01))
-    button = scene_object(
-        "k", f"{colour} button", "disc", (0.26, 0.0), (0.03, 0.03, 0.014), base=0.01, parent="l"
-    )
-    knives = [
-        scene_object("a", f"{colour} knife", "box", (0.3, 0.1), (0.02, 0.02, 0.1), base=0.15),
-        scene_object("b", "olive knife block", "box", (0.3, 0.1), (0.1, 0.1, 0.15)),
-        scene_object("goal", "white plate", "plate", (0.2, -0.3), (0.3, 0.2, 0.015)),
-    ]
-    tower = [
-        scene_object("t", "white tower", "box", (0.12, -0.1), (0.2, 0.2, 0.165)),
-        scene_object("a", f"{colour} brick", "box", (0.12, 0.03), (0.06, 0.06, 0.03), base=0.1),
-        scene_object("goal", f"{target} circle", "region", (0.36, 0.12), (0.1, 0.1, 0.001)),
-    ]
-    umbrella = [
-        scene_object("a", f"{colour} umbrella", "cylinder", (0.3, 0.1), (0.03, 0.03, 0.3), base=0.02),
-        scene_object("s", "gray stand", "box", (0.3, 0.1), (0.12, 0.12, 0.14), opening=0.1),
-    ]
-    ring = scene_object("a", "silver ring", "ring", (0.3, 0.2), (0.05, 0.05, 0.01), opening=0.03)
-    posts = [
-        scene_object(n, f"{c} post", "box", (0.3, y), (0.025, 0.025, 0.12))
-        for n, c, y in (("goal", colour, 0.0), ("p", other, -0.2))
-    ]
-    groceries = [
-        scene_object("a", "yellow bottle", "box", (0.3, 0.2), (0.05, 0.08, 0.15)),
-        scene_object("goal", "gray tray", "box", (0.2, -0.2), (0.3, 0.3, 0.06), opening=0.25),
-        scene_object("b", "green box", "box", (0.4, 0.0)),
-    ]
-    cups = [
-        scene_object("a", f"{colour} cup", "cylinder", (0.3, 0.1)),
-        scene_object("b", f"{other} cup", "cylinder"),
-    ]
-    bins = [
-        scene_object(f"{c}_bin", f"{c} bin", "box", (0.25, y), (0.17, 0.17, 0.05), opening=0.158)
-        for c, y in ((colour, 0.3), (other, -0.3))
-    ]
-    objects = {
-        "put_block": [cubes[0], square], "push_block": [cubes[0], square], "pick_and_lift": cubes,
-        "close_box": [box, lid], "open_box": [box, lid], "open_jar": [*jars, *lids, square], "open_wine": [bottle, cap],
-        "lamp_on": [lamp, button], "put_knife": knives, "play_jenga": tower, "take_umbrella": umbrella,
-        "insert_block": [ring, *posts], "sort_mustard": groceries, "open_drawer": [drawer, cabinet, handle],
-        "pickup_cup": cups,
-        "sort_object": [*bins, *cubes],
-    }  # fmt: skip
-    return scene(*objects[task])
-
-
-SKILLS = {
-    "put_block": "place", "push_block": "push", "play_jenga": "draw", "open_jar": "twist", "close_box": "close",
-    "open_box": "open", "pickup_cup": "pick", "take_umbrella": "pick", "sort_mustard": "place", "open_wine": "twist",
-    "lamp_on": "press", "put_knife": "place", "pick_and_lift": "pick", "insert_block": "insert",
-    "open_drawer": "pull", "sort_object": "place",
+WANTED = {
+    "put_block": ("place", "block", "target"), "push_block": ("push", "block", "target"),
+    "pick_and_lift": ("pick", "cube_.", ""), "pickup_cup": ("pick", "cup_.", ""),
+    "take_umbrella": ("pick", "umbrella", ""), "sort_mustard": ("place", "bottle", "tray"),
+    "sort_object": ("place", "cube|can|bar", "bin_."), "put_knife": ("place", "knife", "board"),
+    "insert_block": ("insert", "ring", "pillar_."), "play_jenga": ("draw", "loose", "circle"),
+    "open_jar": ("twist", "lid_.", "(patch)?"), "open_wine": ("twist", "cap", ""),
+    "open_box": ("open", "box|lid", ""), "close_box": ("close", "box|lid", ""),
+    "open_drawer": ("pull", "drawer", ""), "lamp_on": ("press", "lamp|button", ""),
 }  # fmt: skip
+"""Of each task the skill, and the names of the bodies that it handles and puts them to, as patterns."""
+BY_SHAPE = {"lamp": "black lamp base", "board": "white plate", "brick_3_0": "white tower"}
+"""What perception by shape calls these bodies."""
 
 
-@cache
-def wordings(task: str) -> tuple[str, ...]:
-    return TASKS[task].build(TASKS[task].config()).instructions
+class AtStart:
+    """A world in which nothing has moved yet."""
+
+    def __init__(self, instance: TaskInstance) -> None:
+        self.pose = {body.name: body.world_from_body for body in instance.layout.bodies}.__getitem__
+        self.peaks = defaultdict(float)
 
 
-@pytest.mark.parametrize("task", TASKS)
-def test_every_wording_of_every_task_is_read_in_all_colours(task):
-    for wording, (colour, other, target) in product(
-        wordings(task), [("red", "blue", "lime"), ("orange", "violet", "black"), ("teal", "rose", "navy")]
-    ):
-        if task == "open_drawer" and "drawer" not in wording:
-            continue
-        where = seen(task, colour, other, target)
-        sentence = wording.format(colour=colour, target=target, one=colour, other=other)
+@pytest.mark.parametrize("name", TASKS)
+def test_every_wording_of_every_task_is_read(name):
+    skill, theme, goal = WANTED[name]
+    for seed, wording in enumerate(task(name).instructions):
+        drawn = task(name)
+        drawn.instructions = (wording,)
+        instance = drawn.sample(np.random.default_rng(seed), site())
+        seen = true_scene(AtStart(instance), instance.layout, TABLE, SPACE)
+        where = scene(*(replace(o, label=BY_SHAPE.get(o.id, o.label)) for o in seen.objects))
+        sentence = instance.instruction
         found = read(sentence, where)
         assert not isinstance(found, Abstention), (sentence, found)
-        part = first_part(found, where)
-        what = [meant(call, where) for call, _ in part]
-        assert all(isinstance(w, Meant) for w in what), (sentence, what)
-        assert {w.skill for w in what if isinstance(w, Meant)} == {SKILLS[task]}, (sentence, what)
-        named = {i for w in what if isinstance(w, Meant) for i in where.family(w.theme.id) | {w.theme.parent}}
-        if task not in ("sort_object", "close_box"):
-            assert not named & {"b", "b_lid", "p"}, (sentence, what)
-        assert all(
-            w.goal is None or w.goal.id == "goal" or task == "sort_object"
-            for w in what
-            if isinstance(w, Meant)
-        )
-        assert ("{target}" not in wording and task != "insert_block") or what[0].goal.id == "goal"
+        about = set()
+        for call, _ in first_part(found, where):
+            what = meant(call, where)
+            assert isinstance(what, Meant), (sentence, what)
+            assert what.skill == skill, sentence
+            assert re.fullmatch(theme, what.theme.id), sentence
+            assert re.fullmatch(goal, what.goal.id if what.goal else ""), sentence
+            about |= {i for o in (what.theme, what.goal) if o for i in (*where.family(o.id), o.parent)}
+        assert {*colours_in(sentence)} <= {where[i].colour for i in about if i}, sentence
 
 
 @pytest.mark.parametrize(("kind", "wording"), [(k, w) for k, listed in WORDINGS.items() for w in listed])
@@ -437,6 +341,18 @@ LAMP = scene(
 )
 
 
+BINS = scene(
+    *(
+        scene_object(f"{c}_bin", f"{c} bin", "box", (0.25, y), (0.17, 0.17, 0.05), opening=0.158)
+        for c, y in (("red", 0.3), ("blue", -0.3))
+    ),
+    scene_object("a", "red cube", "box", (0.3, 0.0)),
+    scene_object("b", "blue can", "cylinder", (0.4, 0.1)),
+    scene_object("c", "red bar", "box", (0.4, -0.1)),
+)
+SORTED = ["place(a, red_bin, in)", "place(b, blue_bin, in)", "place(c, red_bin, in)"]
+
+
 def leaning(obj, angle):
     """A known object that is turned by an angle about x."""
     turn = rigid(Rotation.from_euler("x", angle).as_matrix())
@@ -456,6 +372,14 @@ SHELF = scene(
 @pytest.mark.parametrize(
     ("sentence", "where", "done"),
     [
+        ("pick the akita black bowl between the plate and the ramekin", KITCHEN, ["pick(between)"]),
+        ("pick the akita black bowl on the top of the wooden cabinet", KITCHEN, ["pick(above)"]),
+        ("pick the akita black bowl next to the ramekin", KITCHEN, ["pick(between)"]),
+        ("pick the akita black bowl not between the plate and the ramekin", KITCHEN, ["pick(above)"]),
+        ("put the black bowl on the cabinet on the stove", KITCHEN, ["place(above, stove, on)"]),
+        ("put the orange juice on the plate", KITCHEN, ["place(juice, plate, on)"]),
+        ("push the plate to the front of the stove", KITCHEN, ["push(plate, stove, front_of)"]),
+        ("put the butter to the right of the plate", KITCHEN, ["place(butter, plate, right_of)"]),
         ("lift the mug next to the shelf", SHELF, ["pick(n)"]),
         ("lift the bowl on the ramekin", SHELF, ["pick(t)"]),
         ("lift the green cube", CUBES, ["pick(l)"]),
@@ -472,10 +396,16 @@ SHELF = scene(
         ("put everything except the knife block in the tray", TRAY, ["place(g, t, in)", "place(y, t, in)"]),
         ("put both the green box and the yellow bottle in the tray", TRAY, ["place(g, t, in)", "place(y, t, in)"]),
         ("turn the lamp on", LAMP, ["press(l)"]),
+        ("put every object into the bin that has its colour", BINS, SORTED),
+        ("put the red things in the red bin and the blue things in the blue bin", BINS, SORTED),
+        ("sort the red and blue objects into the bins of their own colour", BINS, SORTED),
+        ("sort everything by color", BINS, SORTED),
+        ("put all the red things into the blue tray", BINS, ["place(a, blue_bin, in)", "place(c, blue_bin, in)"]),
     ],
 )  # fmt: skip
 def test_one_of_several_is_the_one_that_is_said(sentence, where, done):
-    assert calls(sentence, where) == done
+    made = calls(sentence, where)
+    assert (sorted(made) if where is BINS else made) == done
 
 
 @pytest.mark.parametrize(
@@ -517,31 +447,3 @@ def test_no_label_or_sentence_is_too_odd():
     for sentence in ("", "?", "the", "lift", "lift lift", "x" * 1000, "put it in it"):
         read(sentence, odd)
     assert re.match("pick", calls("lift the akita black bowl", odd)[0])
-
-
-BINS = tuple(
-    scene_object(f"{c}_bin", f"{c} bin", "box", (0.25, y), (0.17, 0.17, 0.05), opening=0.158)
-    for c, y in (("red", 0.3), ("blue", -0.3))
-)
-LOOSE = (
-    scene_object("a", "red cube", "box", (0.3, 0.0)),
-    scene_object("b", "blue can", "cylinder", (0.4, 0.1)),
-    scene_object("c", "red bar", "box", (0.4, -0.1)),
-)
-RIGHT = {"a": "red_bin", "b": "blue_bin", "c": "red_bin"}
-
-
-@pytest.mark.parametrize(
-    ("sentence", "right"),
-    [
-        ("put every object into the bin that has its colour", RIGHT),
-        ("put the red things in the red bin and the blue things in the blue bin", RIGHT),
-        ("sort the red and blue objects into the bins of their own colour", RIGHT),
-        ("sort everything by color", RIGHT),
-        ("put all the red things into the blue tray", {"a": "blue_bin", "c": "blue_bin"}),
-    ],
-)
-def test_which_object_goes_where(sentence, right):
-    found = read(sentence, scene(*BINS, *LOOSE))
-    assert not isinstance(found, Abstention), found
-    assert {call.theme: call.goal for call in found} == right

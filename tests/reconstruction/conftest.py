@@ -30,25 +30,19 @@ def cameras_around(
     return cameras
 
 
-@pytest.fixture(scope="session")
-def masked_views() -> MakeViews:
-    """``masked_views(mesh, count=5, size=128, seed=0, extent=1.0, target=(0, 0, 0))``: images, depth, true masks."""
-
-    def make(mesh: trimesh.Trimesh, count=5, size=128, seed=0, extent=1.0, target=(0, 0, 0)) -> Views:
-        caster = RayCaster([Surface(mesh.vertices, mesh.faces, np.array([0.7, 0.4, 0.2]), 0)])
-        cameras = cameras_around(count, size, seed, extent, target)
-        return Views(
-            tuple(
-                View(camera, shot.image, shot.depth, (shot.ids >= 0).astype(np.float32))
-                for camera, shot in zip(cameras, caster.cast(cameras, {}), strict=True)
-            )
+def views_of(mesh: trimesh.Trimesh, count=5, size=128, seed=0, extent=1.0, target=(0, 0, 0)) -> Views:
+    """Images, depth and true masks of a mesh."""
+    caster = RayCaster([Surface(mesh.vertices, mesh.faces, np.array([0.7, 0.4, 0.2]), 0)])
+    cameras = cameras_around(count, size, seed, extent, target)
+    return Views(
+        tuple(
+            View(camera, shot.image, shot.depth, (shot.ids >= 0).astype(np.float32))
+            for camera, shot in zip(cameras, caster.cast(cameras, {}), strict=True)
         )
+    )
 
-    return make
 
-
-@pytest.fixture(scope="session")
-def jug() -> trimesh.Trimesh:
+def make_jug() -> trimesh.Trimesh:
     """A body with a handle on one side, longest side 1, centred: no symmetry that hides an axis, and a hole."""
     body = trimesh.creation.cylinder(radius=0.28, height=0.9, sections=48)
     handle = trimesh.creation.torus(major_radius=0.22, minor_radius=0.05)
@@ -58,3 +52,13 @@ def jug() -> trimesh.Trimesh:
     mesh.apply_translation(-mesh.bounds.mean(axis=0))
     mesh.apply_scale(1 / mesh.extents.max())
     return mesh
+
+
+@pytest.fixture(scope="session")
+def masked_views() -> MakeViews:
+    return views_of
+
+
+@pytest.fixture(scope="session")
+def jug() -> trimesh.Trimesh:
+    return make_jug()

@@ -14,7 +14,7 @@ from gvla2.reconstruction.support import object_centre
 from gvla2.reconstruction.view_set import points_of
 from gvla2_plugins.axes import ContoursConfig
 from gvla2_plugins.axes.compensations import Contours, MaskEnergy
-from gvla2_plugins.fusions.strategies import Residual
+from gvla2_plugins.geofuse.fusions import Residual
 from gvla2_plugins.nothing import NoPrior
 
 SCALE, SHIFT = np.array([1.06, 0.95, 1.04]), np.array([0.02, -0.015, 0.01])

@@ -104,16 +104,15 @@ def test_the_command_lists_them(capsys: pytest.CaptureFixture[str]):
     assert all(name in listing and sentence in listing for name, sentence in SENTENCES.items())
 
 
-def test_as_an_environment():
+def test_one_that_takes_joint_targets_is_an_environment():
     pytest.importorskip("gymnasium", reason="pip install 'gvla2[gym]'")
     from gvla2.gym.env import TaskEnv
 
-    with closing(TaskEnv("kitchen/0", robot="kitchen")) as env:
+    with pytest.raises(ConfigurationError, match="Kitchen takes no joint targets"):
+        TaskEnv("kitchen/0", robot="kitchen")
+    with plugin_of("your_simulator.md", 0), closing(TaskEnv("toy/lift", robot="toy")) as env:
         _, info = env.reset(seed=0)
         assert info["instruction"] == "lift the red cube"
-    with closing(TaskEnv("none", robot="kitchen")) as env:
-        _, info = env.reset(seed=0, options={"instruction": "look"})
-        assert info["instruction"] == "look"
 
 
 def test_the_simulator_of_the_page_lifts_its_cube_in_sixty_lines(tmp_path: Path):

@@ -43,9 +43,9 @@ REFERENCE = [
     (kind, name)
     for kind in CHECKS
     for name in PLUGINS.components(kind)
-    # Their own tests know whether there is a GPU, give the arm its bus, keep trackers off the network, give an
-    # agent a model that answers, and refine few Gaussians.
-    if (kind, name) not in OWN and name not in ("piper", "mlflow", "wandb", "mini_swe")
+    # Their own tests know whether there is a GPU, give the arm its bus, give an agent a model that answers,
+    # and refine few Gaussians.
+    if (kind, name) not in OWN and name not in ("piper", "mini_swe")
 ]
 
 

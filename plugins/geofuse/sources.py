@@ -1,4 +1,4 @@
-"""Reading a saved prior."""
+"""The visual hull as a reconstructor, and a geometry prior that was computed elsewhere."""
 
 from __future__ import annotations
 
@@ -13,17 +13,45 @@ from gvla2.geometry.transform import FloatArray, check_rigid
 from gvla2.geometry.view_folders import nearest
 from gvla2.geometry.views import Views
 from gvla2.io.foreign import read_arrays
-from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2.reconstruction.carving import carve
+from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
+from gvla2.reconstruction.inset import inset
+from gvla2.reconstruction.rasteriser import Rasteriser
 
 if TYPE_CHECKING:
-    from gvla2_plugins.file_prior import FilePriorConfig
+    from gvla2_plugins.geofuse import FilePriorConfig, HullConfig
 
 _KEYS = ("depth", "confidence", "world_from_camera")
 _SHAPE_TOLERANCE = 0.02
 
 
+class HullReconstructor:
+    """Space carving with colours, see :func:`gvla2.reconstruction.carving.carve`.
+
+    Raises :class:`ConfigurationError` for fewer than 8 voxels per side or no Gaussians.
+    """
+
+    def __init__(self, config: HullConfig) -> None:
+        if config.resolution < 8:
+            raise ConfigurationError(f"reconstructor.resolution is {config.resolution}; 8 is the minimum.")
+        if config.gaussians < 1:
+            raise ConfigurationError(f"reconstructor.gaussians is {config.gaussians}; 1 is the minimum.")
+        self._config = config
+
+    def reconstruct(self, views: Views) -> Reconstruction:
+        """Mesh and Gaussians of the object in the masks; a :class:`gvla2.errors.GeometryError` when none shows it."""
+        carved = carve(views, self._config.resolution).to_reconstruction(self._config.gaussians)
+        masked = Views(tuple(view for view in views if view.mask is not None))
+        # Their footprints end at the masks' edges, not their centres.
+        return inset(carved, masked, Rasteriser())[0]
+
+
 class FilePrior:
-    """Depth from an .npz file; raises :class:`ConfigurationError` when no file is given or it does not exist."""
+    """Depth from an .npz file; raises :class:`ConfigurationError` when no file is given or it does not exist.
+
+    The pictures may differ in size from the views, with the same aspect ratio within two percent: they are resized by
+    the nearest pixel, which never invents depth between two surfaces.
+    """
 
     def __init__(self, config: FilePriorConfig) -> None:
         if not config.path:

@@ -19,10 +19,10 @@ from gvla2.errors import GeometryError, Gvla2Error, MissingDependencyError
 from gvla2.geometry.view_folders import write_plain
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2_plugins.sam3d.results import align_result, read_result
+from gvla2_plugins.geofuse.results import align_result, read_result
 
 if TYPE_CHECKING:
-    from gvla2_plugins.sam3d import ExternalConfig
+    from gvla2_plugins.geofuse import ExternalConfig
 
 
 TITLE, ASKED = "MV-SAM3D", "reconstructor=mv_sam3d"

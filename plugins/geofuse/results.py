@@ -30,7 +30,7 @@ from gvla2.reconstruction.silhouette import Silhouette, depth_maps, mask_agreeme
 from gvla2.reconstruction.surfels import surfels
 
 if TYPE_CHECKING:
-    from gvla2_plugins.sam3d import ResultTreeConfig
+    from gvla2_plugins.geofuse import ResultTreeConfig
 
 _POOR = 0.6
 """Mean IoU with the masks below which an alignment is called poor."""

@@ -1,0 +1,79 @@
+"""A tracker that fails never stops the run."""
+
+import json
+import logging
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import gvla2
+from gvla2 import Component, ComponentConfig, cli, hookimpl
+from gvla2.commands.run import Tracking
+from gvla2.episode.record import EpisodeRecord
+from gvla2.plugins.registry import load_plugins
+from gvla2.record.tracker import TrackedRun
+
+
+class Failing:
+    """Fails at an episode."""
+
+    def __init__(self, config: ComponentConfig | None = None) -> None:
+        self.heard: list[str] = []
+
+    def begin(self, run: TrackedRun) -> None:
+        self.heard.append(run.name)
+
+    def episode(self, number: int, measures: dict[str, float], folder: Path) -> None:
+        self.heard.append("episode")
+        raise ConnectionError("no route")
+
+    def end(self, *, well: bool) -> None:
+        self.heard.append("end")
+
+
+def test_a_tracker_that_fails_is_reported_once(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    tracker = Failing()
+    record = EpisodeRecord("e", "lift", "t", 0, {})
+    with caplog.at_level(logging.WARNING), Tracking(tracker, {"seed": 1}, tmp_path) as tracking:
+        tracking.episode(0, record, tmp_path)
+        tracking.episode(1, record, tmp_path)
+    assert tracker.heard == ["/".join(tmp_path.parts[-2:]), "episode"]
+    (warning,) = caplog.messages
+    assert warning == "The tracker failed and is no longer used: ConnectionError: no route"
+
+
+def test_a_tracker_that_would_exit_is_named_and_cannot_write_to_the_terminal(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    class Exits(Failing):
+        def begin(self, run: TrackedRun) -> None:
+            raise SystemExit("\x1b[31m")
+
+    who = "The tracker 'mine' of plugin 'yours'"
+    with (
+        caplog.at_level(logging.WARNING),
+        Tracking(Exits(), {"seed": 1}, tmp_path, named=lambda kind: who),
+    ):
+        pass
+    (warning,) = caplog.messages
+    assert warning.startswith(f"{who} failed and is no longer used: RuntimeError: SystemExit(")
+    assert "\x1b" not in warning
+
+
+def test_a_run_goes_on_without_its_tracker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A real run with a tracker that fails."""
+    monkeypatch.chdir(tmp_path)
+    plugin = SimpleNamespace(
+        gvla2_trackers=hookimpl(lambda: [Component("failing", ComponentConfig, Failing, summary="fails")])
+    )
+    name = gvla2.register(plugin, "failing")
+    try:
+        assert "failing" in load_plugins().components("tracker")
+        assert cli.main(["run", "tracker=failing", "memory=none", "robot.image_size=64", "quiet=true"]) == 0
+    finally:
+        gvla2.unregister(name)
+    (result,) = tmp_path.glob("outputs/run/*/*/result.json")
+    content = json.loads(result.read_text())
+    assert content["choices"]["tracker"] == "failing"
+    assert content["verdict"] is not None
