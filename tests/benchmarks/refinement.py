@@ -52,7 +52,9 @@ def main() -> None:
         # A scale, even that of the files, keeps the task from being the perceiver's gallery.
         scans = [f"task.objects.root={asked.scans}", "task.objects.count=5", "task.objects.scale=1"]
         tasks["scans"] = ["task=tabletop_objects", *scans]
-    print("setting   noise      cameras    n  width, mm: perceived  refined  ratio  volume, %       centre, mm")
+    print(
+        "setting   noise      cameras    n  width, mm: perceived  refined  ratio  volume, %       centre, mm"
+    )
     settings = [name for name in asked.settings.split(",") if name in tasks]
     for setting, noise, count in product(settings, asked.noise.split(","), asked.cameras.split(",")):
         cameras = f"robot.cameras=[{','.join(CAMERAS[int(count)])}]"
@@ -88,7 +90,9 @@ def compared(scene: Scene, refined: Scene, truth: Scene) -> list[list[tuple[floa
     """Of each true solid object that was found: its errors as perceived and as refined."""
     found = []
     for true in truth.obstacles():
-        near = min(scene.obstacles(), key=lambda o: float(np.linalg.norm(o.centre - true.centre)), default=None)
+        near = min(
+            scene.obstacles(), key=lambda o: float(np.linalg.norm(o.centre - true.centre)), default=None
+        )
         if near is not None and np.linalg.norm(near.centre - true.centre) < NEAR:
             found.append([errors(near, true), errors(refined[near.id], true)])
     return found
