@@ -1,12 +1,12 @@
-"""Slow: how far boxes are from the true ones, as perceived and as refined, in sentences' objects and all others.
+"""Slow: how far boxes are from the true ones, as perceived, as the branch has them, and as the planner gets them.
 
-    python tests/benchmarks/refinement.py [--scans FOLDER] [--layouts 0-9] [--settings cubes,scans] [--noise none,realistic]
-        [--cameras 2,4] [KEY=VALUE ...]
+    python tests/benchmarks/refinement.py [--scans FOLDER] [--layouts 0-9] [--settings cubes,scans]
+        [--noise none,realistic] [--cameras 2,4] [KEY=VALUE ...]
 
-Three cubes of 50 mm (``pick_and_lift``), and with ``--scans`` five scans of the folder side by side, named by no gallery.
-Overrides of ``gvla2 run`` choose the refinement (``reconstructor=hull prior=depth branch.axis=false``). For each setting:
-the objects that were found, the median error of the narrower level side as perceived and as refined and their ratio, of
-the box's volume in per cent, and of its centre.
+Three cubes of 50 mm (``pick_and_lift``) and, with ``--scans``, five of the folder's scans side by side, known to no
+gallery. Overrides of ``gvla2 run`` choose the refinement (``reconstructor=hull prior=depth branch.axis=false``). For
+each setting: the objects that were found, the median errors of the narrower level side (and the planner's as a share of
+the perceived one), of the box's volume and of its centre, and how many boxes were refined.
 """
 
 from __future__ import annotations
