@@ -31,6 +31,7 @@ from gvla2.evaluation.arms import (
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import Unit
 from gvla2.evaluation.results import Cell
+from gvla2.evaluation.suites.robot_conditions import Reworded, sentences_of
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import Memory, MemoryTask
 from gvla2.plugins.assembly import GEOMETRY, LOOP, build_components
@@ -348,7 +349,11 @@ def _components_of(unit: EpisodeUnit, registry: Registry) -> Components:
         release()
         root = chosen_components(unit.config, unit.task)
         names = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
-        _kept[key] = build_components(root, registry, {**names, "task": unit.subject}, unit.config.branch)
+        built = build_components(root, registry, {**names, "task": unit.subject}, unit.config.branch)
+        said = sentences_of(unit.config, unit.task["name"])
+        if said and built.task is not None and not isinstance(built.task, str):
+            built = replace(built, task=Reworded(built.task, said))
+        _kept[key] = built
     choices = {**_kept[key].choices, "memory": unit.arm.name}
     return replace(_kept[key], choices=choices, geometry=_geometry(_kept[key].geometry, unit.arm.geometry))
 
