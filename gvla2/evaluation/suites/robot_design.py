@@ -112,6 +112,8 @@ def designs(config: RobotBench, registry: Registry) -> list[Design]:
     arms = chosen_arms(config, registry)
     if config.policy.name not in ("", NONE) and any(arm.name != "off" for arm in arms):
         raise ConfigurationError("A policy has no memory: arms=[off].")
+    if config.reconstructor.name in ("", NONE) and any(arm.geometry for arm in arms):
+        raise ConfigurationError("Arms with a geometry need a reconstructor: reconstructor=hull.")
     _check_seeds(config, learns=any(arm.learns for arm in arms))
     seeds = [[seed] for seed in dict.fromkeys(config.seeds)] if config.world == LEARNABLE else [config.seeds]
     stresses = [[stress] for stress in dict.fromkeys(config.stresses)] or [[]]
@@ -217,8 +219,9 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
     plan = []
     for (subject, task), arm in product(rows.items(), arms):
         past: Any = (lessons, _memory_key(config, registry, arm)) if arm.learns else ()
-        past = (past, arm.replan, *config.stresses)
+        past = (past, arm.replan, arm.geometry, *config.stresses)
         own = {"variant": arm.variant} if arm.variant else {}
+        own |= {"geometry": arm.geometry} if arm.geometry else {}
         own |= {"learning": _learning_label(config)} if arm.learns else {}
         for place, layout in _places(config):
             here = {"task": subject, "arm": arm.name, **place}

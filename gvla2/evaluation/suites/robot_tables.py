@@ -149,7 +149,9 @@ def _columns(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
     columns = {}
     for planner, arm, model in sorted(found, key=lambda place: (order.index(place[0]), arms.index(place[1]))):
         asked = f" by {model}" if model and len(models[planner]) > 1 else ""
+        geometry = found[planner, arm, model][0].texts("geometry")[0]
         memory = f"memory {arm}" if arms != ["off"] or len(models) == 1 else ""
+        memory = f"geometry {geometry}" if geometry else memory
         named = f"{planner}{asked}" if len(models) > 1 or asked else ""
         columns[", ".join(filter(None, (named, memory)))] = found[planner, arm, model]
     return columns
@@ -222,6 +224,7 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
         lines["calls an episode"] = lambda some: f"{_average(some, 'calls') or 0:.1f}"
         lines["prompt + answer tokens an episode"] = _tokens
         lines["answers from the cache"] = lambda some: f"{sum(measured(some, 'cached')):.0f}"
+    lines["width error, mm, median"] = lambda some: _middle(measured(some, "width_error"))
     lines["second tries"] = _second_tries
     lines["episodes with the fallback"] = lambda some: str(sum(bool(c.notes.get("fallback")) for c in some))
     lines["not measured"] = lambda some: str(sum(not _counts(cell) for cell in some))
