@@ -14,7 +14,7 @@ from gvla2.evaluation.config import BenchConfig
 from gvla2.plugins.hydra_config import ComponentSource, register
 from gvla2.plugins.registry import Registry
 
-CHOICES = {"bench_suite", "depth_noise", "branch", "experiment", "data"}
+CHOICES = {"bench_suite", "conditions", "depth_noise", "branch", "experiment", "data"}
 """Groups beside those of components."""
 _offered: dict[str, Any] = {}
 

@@ -3,41 +3,33 @@
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from gvla2.episode.failure_diagnosis import diagnose
 from gvla2.episode.record import EpisodeRecord
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Effect, effect_from_json
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.robot.report import ExecutionReport, WaypointReport
+from tests.objects import reported, scene, scene_object
 
-TABLE = 0.75
 SUCCESS = Verdict.from_criteria({"task_completion": 1.0, "collision_safety": 1.0})
 FAIL = Verdict.from_criteria({"task_completion": 0.0, "collision_safety": 0.2})
 UNCERTAIN = Verdict.from_criteria({"task_completion": 0.5})
 
 
-def scene_object(
-    id_: str, x: float, y: float, colour: str, shape: Any = "box", size: float = 0.05
-) -> SceneObject:
-    pose = np.eye(4)
-    pose[:3, 3] = x, y, TABLE + size / 2
-    rgb = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2)}[colour]
-    extents = np.array([size, size, 0.001 if shape == "region" else size])
-    return SceneObject(id_, f"{colour} {'square' if shape == 'region' else 'cube'}", shape, colour, pose,
-                       extents, np.zeros((0, 3)), np.array(rgb))  # fmt: skip
+def cube(id_: str, x: float, y: float, colour: str, side: float = 0.05) -> SceneObject:
+    return replace(scene_object(id_, (x, y, side / 2), (side,) * 3, colour), label=f"{colour} cube")
 
 
-def scene(*objects: SceneObject) -> Scene:
-    return Scene(objects, TABLE, Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0])))
+def square(id_: str, x: float, y: float, colour: str, side: float) -> SceneObject:
+    painted = scene_object(id_, (x, y, side / 2), (side, side, 0.001), colour, "region")
+    return replace(painted, label=f"{colour} square")
 
 
-SCENE = scene(scene_object("a", 0.3, 0.1, "red"), scene_object("b", 0.3, -0.2, "blue"),
-              scene_object("goal", 0.5, 0.1, "green", "region", 0.1))  # fmt: skip
+SCENE = scene(
+    cube("a", 0.3, 0.1, "red"), cube("b", 0.3, -0.2, "blue"), square("goal", 0.5, 0.1, "green", 0.1)
+)
 DOWN = Orientation("grasp")
 SIDE = Orientation("grasp", (1.0, 0.0, -0.1), (0.0, 1.0, 0.0))
 PICK = (
@@ -57,19 +49,6 @@ THETA = {
 }
 
 
-def reported(
-    waypoints: tuple[Waypoint, ...], changes: dict[int, dict[str, Any]] | None = None
-) -> ExecutionReport:
-    """All waypoints up to the first abort; held once the fingers closed."""
-    reports: list[WaypointReport] = []
-    for i, w in enumerate(waypoints):
-        report = WaypointReport(i, w.stage, w.xyz, w.xyz, 0.001, 0.05, w.gripper < 0.5)
-        reports.append(replace(report, **(changes or {}).get(i, {})))
-        if reports[-1].abort:
-            break
-    return ExecutionReport(tuple(reports), 4.0)
-
-
 def episode(
     changes: dict[int, dict[str, Any]] | None = None, *, skill: str = "pick", waypoints: Any = PICK,
     instruction: str = "Pick up the red cube", roles: dict[str, str] | None = None,
@@ -82,7 +61,7 @@ def episode(
     )
     return EpisodeRecord(
         "run/1", instruction, "some_task", 0, {"planner": "skill"}, scene=before, plan=plan, checks=CheckReport(),
-        report=reported(waypoints, changes), **record,
+        report=reported(waypoints, changes, held=True, opened=0.05), **record,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from tests.composing import bench_config
 
 
 def config_of(registry, *arguments: str):
-    return bench_config(registry, *as_overrides(["robot", *arguments]))
+    return bench_config(registry, *as_overrides(["robot", "conditions=clean", *arguments]))
 
 
 def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_listed(registry):

@@ -28,7 +28,9 @@ BANKS = {"on": "default", "semantic": "semantic"}
 
 
 def config_of(registry, folder: Path, *overrides: str):
-    config = bench_config(registry, "suite=robot", "quiet=true", "workers=1", *QUICK, *overrides)
+    config = bench_config(
+        registry, "suite=robot", "conditions=clean", "quiet=true", "workers=1", *QUICK, *overrides
+    )
     config.results.url = f"sqlite:///{folder / 'results.sqlite'}"
     return config
 

@@ -23,7 +23,9 @@ ROW = {"task", "arm", "profile", "seed", "episode", "success", "failure", "secon
 
 
 def config_of(registry, folder: Path, *overrides: str, sight: tuple[str, ...] = QUICK):
-    config = bench_config(registry, "suite=robot", "quiet=true", "workers=1", *sight, *overrides)
+    config = bench_config(
+        registry, "suite=robot", "conditions=clean", "quiet=true", "workers=1", *sight, *overrides
+    )
     config.results.url = f"sqlite:///{folder / 'results.sqlite'}"
     return config
 

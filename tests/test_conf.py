@@ -50,7 +50,9 @@ def test_every_file_of_conf_is_a_choice_that_composes():
         group, name = choice.parent.as_posix(), choice.name
         text = (CONF / choice).with_suffix(".yaml").read_text()
         suite = re.search(r"(?m)override /bench_suite: \w+|^  - \w+$", text)  # itself, or by another preset
-        if suite or group in ("bench_suite", "data"):
+        if group == "conditions":
+            composed("bench_suite=robot", f"conditions={name}", command="bench")
+        elif suite or group in ("bench_suite", "data"):
             composed(f"{group}={name}", command="bench")
         else:
             runs.setdefault(group, []).append(f"{'+' if group == 'experiment' else ''}{group}={name}")

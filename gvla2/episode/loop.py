@@ -42,7 +42,7 @@ from gvla2.episode.evidence import RobotEvidence
 from gvla2.episode.lessons import memory_task, stories_of, transcript
 from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
 from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
-from gvla2.episode.refine import GeometryComponents, refine_scene
+from gvla2.episode.refine import GeometryComponents, refine_scene, with_truth
 from gvla2.episode.rollout import roll_out
 from gvla2.errors import Gvla2Error, SimulationError, kept_alive
 from gvla2.geometry.exchange import read_only
@@ -54,7 +54,7 @@ from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
 from gvla2.planning.skill import Skill
-from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend, TimeLimited
+from gvla2.robot.backend import ExecutionListener, MotionListener, RobotBackend, TimeLimited, Truthful
 from gvla2.robot.depth_noise import apply_noise
 from gvla2.robot.options import DepthNoise
 from gvla2.robot.policy import Policy
@@ -70,15 +70,15 @@ if TYPE_CHECKING:
 class Components:
     """The components of one run, built; ``choices`` are their names by Hydra group, ``plugins`` those of their plugins.
 
-    ``fallback`` plans where the planner fails or declines for want of means; a ``policy``, if there is one, drives
-    instead of all stages between setup and success check; ``skills`` are those that planners call; ``language`` is the
-    model that some of them ask, None if none does.
+    ``geometry`` refines the perceived boxes, None for no reconstructor; ``fallback`` plans where the planner fails or
+    declines for want of means; a ``policy``, if there is one, drives instead of all stages between setup and success
+    check; ``skills`` are those that planners call; ``language`` is the model that some of them ask, None if none does.
     """
 
     robot: RobotBackend
     task: Task | str | None
     perceiver: Perceiver
-    geometry: GeometryComponents
+    geometry: GeometryComponents | None
     memory: Memory
     planner: Planner
     verifier: Verifier
@@ -364,9 +364,12 @@ def _perceive(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
 
 def _reconstruct(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     seen, geometry = record.seen, run.components.geometry
-    scene, sentence = refine_scene(seen.scene, seen.observation, record.instruction, geometry)
-    refined = seen.scene if scene is seen.scene else read_only(scene)
-    return replace(record, scene=refined, refinement=sentence)
+    if geometry is None:
+        return record
+    scene, refined = refine_scene(seen.scene, seen.observation, record.instruction, geometry)
+    if isinstance(run.robot, Truthful):
+        refined = with_truth(refined, run.robot.true_scene())
+    return replace(record, scene=seen.scene if scene is seen.scene else read_only(scene), refined=refined)
 
 
 def _recall(record: EpisodeRecord, run: _Run) -> EpisodeRecord:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, TypeVar
 
+from gvla2.episode.refine import Refinement
 from gvla2.errors import Gvla2Error, PerceptionError, PlannerTimeoutError, PlanningError, SimulationError
 from gvla2.geometry.views import Observation
 from gvla2.language.contracts import ModelUnavailableError, Tally
@@ -109,7 +110,8 @@ class EpisodeRecord:
     ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is the success check's
     criterion, in words. ``timings`` are wall seconds per stage. ``language`` is the language models' cost so far, by
     purpose. ``notes`` are fallbacks and warnings, each a sentence that the run's page shows. ``success_check`` is the
-    simulator's, from true state; it is filled last, so nothing can learn from it. ``rollout`` is what a policy did,
+    simulator's, from true state; it is filled last, so nothing can learn from it. ``refined`` are the boxes that the
+    reconstruction branch looked at, None without a reconstructor. ``rollout`` is what a policy did,
     where one drives instead of a plan. ``attempts`` are the records of the
     attempts before this one, first to last, each with its own timings and no attempts; an episode that never replanned
     has none. A program that takes several plans is carried out part by part: ``parts`` are the records of the earlier
@@ -125,7 +127,7 @@ class EpisodeRecord:
     goal: str = ""
     observation: Observation | None = None
     scene: Scene | None = None
-    refinement: str = ""
+    refined: tuple[Refinement, ...] | None = None
     recalled: MemoryContext | None = None
     plan: Plan | None = None
     checks: CheckReport | None = None
@@ -224,6 +226,7 @@ class EpisodeRecord:
             "choices": dict(self.choices),
             **{name: last[name] for name in ("skill", "parameters", "failure", "timings")},
             "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
+            "refined": [each.to_json() for each in self.refined or ()],
             "second_tries": self.second_tries,
             "attempts": [each.attempted() for each in self.tries],
             "parts": [each.attempted() for each in self.whole],

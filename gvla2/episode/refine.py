@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene, SceneObject
@@ -18,6 +22,7 @@ from gvla2.reconstruction.contracts import (
     Reconstruction,
     Reconstructor,
     Renderer,
+    StageReport,
 )
 from gvla2.reconstruction.options import BranchOptions
 
@@ -27,6 +32,15 @@ DEPTH_BAND = 0.015
 
 ABOVE_SUPPORT = 0.003
 """Points less than this above the object's underside belong to the table, metres."""
+
+LEAST_GAIN = 0.01
+"""How much better a refined box must agree with the masks, in IoU, than the perceived one: less is a pixel's worth."""
+
+LEAST_AGREEMENT = 0.8
+"""Masks that a refined box explains worse speak of cameras or masks that err, not for the box."""
+
+SAME = 0.05
+"""A perceived object is the true one whose centre is this near, metres."""
 
 
 @dataclass(frozen=True)
@@ -41,31 +55,79 @@ class GeometryComponents:
     options: BranchOptions = field(default_factory=BranchOptions)
 
 
+@dataclass(frozen=True)
+class Refinement:
+    """One object's box as perceived, ``before``, and as the reconstruction has it, ``after``, None if it made none.
+
+    ``used``: the planner gets ``after``; ``reason`` says why, or why not. ``stages`` are the branch's reports. ``true``
+    is the object in a simulator's true scene, for reports only.
+    """
+
+    before: SceneObject
+    after: SceneObject | None
+    used: bool
+    reason: str
+    stages: tuple[StageReport, ...] = ()
+    true: SceneObject | None = None
+
+    @property
+    def chosen(self) -> SceneObject:
+        """The object that the planner gets."""
+        return self.after if self.used and self.after is not None else self.before
+
+    @property
+    def width_error(self) -> float | None:
+        """How far the planner's narrower level side is from the true one, metres; None without a true object."""
+        if self.true is None:
+            return None
+        return abs(float(self.chosen.extents[:2].min() - self.true.extents[:2].min()))
+
+    def to_json(self) -> dict[str, Any]:
+        """Its entry in ``result.json``: sizes in metres, the branch's stages by name."""
+        sizes = {"before": self.before, "after": self.after, "true": self.true}
+        return {
+            "object": self.before.id,
+            "label": self.before.label,
+            "used": self.used,
+            "reason": self.reason,
+            **{name: obj and obj.extents.tolist() for name, obj in sizes.items()},
+            "stages": {stage.stage: f"{stage.status}: {stage.reason}" for stage in self.stages},
+        }
+
+
 def refine_scene(
     scene: Scene, observation: Observation, instruction: str, components: GeometryComponents
-) -> tuple[Scene, str]:
-    """The scene with the boxes of the objects of interest fitted to their refined geometry, and what was done.
+) -> tuple[Scene, tuple[Refinement, ...]]:
+    """The scene with those boxes of the objects of interest refined that the views speak for, and what was done.
 
     Each object's silhouette in a view is the set of pixels whose measured point lies in its box. An object
     that no view shows, or that the reconstructor leaves alone or fails on, stays as perceived.
     """
-    changes: list[str] = []
+    done: list[Refinement] = []
     for obj in objects_of_interest(scene, instruction):
         views = masked_views(observation, obj)
         if views is None:
             continue
         try:
-            fitted = _refined(obj, views, components)
+            refinement = _refined(obj, views, components)
         except GeometryError as error:
-            changes.append(f"{obj.label}: left as perceived ({error})")
-            continue
-        if fitted is not None:
-            scene = scene.with_object(fitted)
-            change = 1e3 * (fitted.extents - obj.extents)
-            changes.append(f"{obj.label}: extents changed by {', '.join(f'{c:+.1f}' for c in change)} mm")
-    if not changes:
-        return scene, "No geometry was refined: objects are as perceived."
-    return scene, f"{'; '.join(changes)}."
+            refinement = Refinement(obj, None, False, str(error))
+        done.append(refinement)
+        scene = scene.with_object(refinement.chosen)
+    return scene, tuple(done)
+
+
+def with_truth(refinements: Sequence[Refinement], truth: Scene) -> tuple[Refinement, ...]:
+    """The refinements with the true objects nearest to their boxes, for reports: no component sees them."""
+
+    def nearest(obj: SceneObject) -> SceneObject | None:
+        found = min(
+            truth.obstacles(), key=lambda o: float(np.linalg.norm(o.centre - obj.centre)), default=None
+        )
+        near = found is not None and np.linalg.norm(found.centre - obj.centre) < SAME
+        return found if near else None
+
+    return tuple(replace(one, true=nearest(one.before)) for one in refinements)
 
 
 def objects_of_interest(scene: Scene, instruction: str) -> tuple[SceneObject, ...]:
@@ -77,16 +139,43 @@ def objects_of_interest(scene: Scene, instruction: str) -> tuple[SceneObject, ..
     return coloured or named or objects
 
 
-def _refined(obj: SceneObject, views: Views, components: GeometryComponents) -> SceneObject | None:
-    """The object with its box fitted to the branch's output; None when there is nothing to refine."""
+def _refined(obj: SceneObject, views: Views, components: GeometryComponents) -> Refinement:
+    """The object's box fitted to the branch's output, used if the views speak for it."""
+    views = Views(tuple(map(_knowing, views)))
     g0 = components.reconstructor.reconstruct(views)
     if g0 is None:
-        return None
+        return Refinement(obj, None, False, "the reconstructor leaves it alone")
     # Compiled code is imported only when something is reconstructed.
     from gvla2.reconstruction.branch import BranchComponents, refine_geometry
+    from gvla2.reconstruction.silhouette import mask_agreement, mask_silhouettes
 
     chosen = BranchComponents(components.prior, components.axis, components.fusion, components.renderer)
-    return fit_box(obj, refine_geometry(g0, views, chosen, components.options).out)
+    result = refine_geometry(g0, views, chosen, components.options)
+    after = fit_box(obj, result.out)
+    if after is None:
+        return Refinement(obj, None, False, "nothing lies between its top and its underside", result.stages)
+    silhouettes, _ = mask_silhouettes(views)
+    was, now = (mask_agreement(_solid(one), silhouettes) for one in (obj, after))
+    used = now > max(was + LEAST_GAIN, LEAST_AGREEMENT)
+    return Refinement(obj, after, used, f"agreement with the masks {was:.3f} and {now:.3f}", result.stages)
+
+
+def _knowing(view: View) -> View:
+    """The view with the pixels without a measurement marked as the robot's are: they say nothing about the object."""
+    if view.depth is None or view.mask is None:
+        return view
+    lost = ~(np.isfinite(view.depth) & (view.depth > 0)) & (view.mask < 0.5)
+    return replace(view, robot_mask=lost if view.robot_mask is None else lost | view.robot_mask)
+
+
+def _solid(obj: SceneObject) -> TriangleMesh:
+    """The object's box, or the cylinder or ellipsoid in it, in the world."""
+    local = transform_points(invert_rigid(obj.world_from_object), obj.outline()) / (0.5 * obj.extents)
+    if obj.shape == "sphere":
+        local[:, :2] *= np.sqrt(np.maximum(1.0 - local[:, 2:] ** 2, 0.0))
+    hull = ConvexHull(local)
+    points = transform_points(obj.world_from_object, 0.5 * obj.extents * local)
+    return TriangleMesh(points, np.asarray(hull.simplices, dtype=np.int64))
 
 
 def masked_views(observation: Observation, obj: SceneObject) -> Views | None:
@@ -109,17 +198,21 @@ def masked_views(observation: Observation, obj: SceneObject) -> Views | None:
 
 
 def fit_box(obj: SceneObject, reconstruction: Reconstruction) -> SceneObject | None:
-    """The object with its box fitted to the reconstruction along its own axes; None when that has no points."""
+    """The object with the level sides of its box fitted to the reconstruction between its underside and its top, along
+    its own axes; None when that has no points there.
+    """
     points = _points(reconstruction)
     if points is None:
         return None
-    # No view sees an underside: a hull goes on below it, the object does not.
-    points = points[points[:, 2] >= obj.bottom]
+    # Cameras look down: a hull ends in a cone below the underside, which none sees, and in another above the top, which
+    # depth measures.
+    points = points[(points[:, 2] >= obj.bottom) & (points[:, 2] <= obj.top)]
     if not len(points):
         return None
     local = transform_points(invert_rigid(obj.world_from_object), points)
     # Stray points of a reconstruction must not widen a grasp: the outermost half per cent a side is left out.
     low, high = np.percentile(local, [0.5, 99.5], axis=0)
+    low[2], high[2] = -0.5 * obj.extents[2], 0.5 * obj.extents[2]
     if not np.isfinite([low, high]).all() or (high - low).min() <= 0:
         return None
     centre = obj.world_from_object @ rigid(translation=0.5 * (low + high))

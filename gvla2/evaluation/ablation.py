@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,19 +19,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.branch import BranchComponents, refine_geometry
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.options import BranchOptions
-
-REFERENCE = "baseline"
-VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
-    {
-        REFERENCE: None,
-        "a_prior_appearance": {"soft_hull": False, "axis": False, "fusion": False},
-        "a_soft_hull": {"axis": False, "fusion": False},
-        "b_axis": {"prior": False, "appearance": False, "soft_hull": False, "fusion": False},
-        "ab_fusion": {},
-    }
-)
-"""The rows by name, with the stages that each disables; None means no branch: G0."""
+from gvla2.reconstruction.options import REFERENCE, BranchOptions
 
 
 def _learned(**errors: float) -> Mapping[str, Any]:
@@ -144,8 +132,7 @@ def refined_row(
     variant: str, g0: Reconstruction, views: Views, components: BranchComponents, options: BranchOptions
 ) -> tuple[Reconstruction, dict[str, Any]]:
     """A row's reconstruction from a (drifted) G0, and its notes."""
-    switches = VARIANTS[variant]
-    if switches is None:
+    if variant == REFERENCE:
         return g0, {"g0_status": g0.status}
-    refined = refine_geometry(g0, views, components, replace(options, **cast(dict[str, Any], switches)))
+    refined = refine_geometry(g0, views, components, options.row(variant))
     return refined.out, {"stages": [f"{stage.stage}: {stage.status}" for stage in refined.stages]}

@@ -28,12 +28,15 @@ from gvla2.memory.contracts import (
     Verdict,
 )
 from gvla2.plugins.registry import Registry
+from gvla2.reconstruction.options import VARIANTS
 
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 CONTROLS = ("off", "shuffled")
 """Arms without a memory of their own: none, and another task's."""
 WITHOUT_MEMORY = ("off", "none")
 """Sources of arms without any memory."""
+PERCEIVED = "none"
+"""An arm's ``geometry`` that leaves boxes as perceived."""
 MEMORY_OF = MappingProxyType({"on": "governed", "shuffled": "governed"})
 """Arms whose memory has a different name."""
 FROZEN = Learned(notes=("The memory is frozen: this is a test.",))
@@ -44,13 +47,15 @@ class BenchArm:
     """One arm: its ``name``, source and configuration.
 
     ``source`` is ``off``, ``shuffled`` or the name of a memory; ``options`` are the memory's; ``replan`` further
-    attempts are allowed in an episode, None for the bench's number.
+    attempts are allowed in an episode, None for the bench's number. ``geometry`` is a row of GeoFuse's
+    ablation, "none" for perceived boxes, "" for the bench's own branch.
     """
 
     name: str
     source: str
     options: Mapping[str, Any] = field(default_factory=dict)
     replan: int | None = None
+    geometry: str = ""
 
     @property
     def memory(self) -> str:
@@ -68,6 +73,7 @@ class BenchArm:
         plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
         options = dict(sorted(self.options.items()))
         options |= {} if self.replan is None else {"replan": self.replan}
+        options |= {"geometry": self.geometry} if self.geometry else {}
         return ", ".join([*([] if plain else [self.source]), *(f"{k}={v}" for k, v in options.items())])
 
 
@@ -81,7 +87,11 @@ def arm_named(config: MemoryArms, name: str) -> BenchArm:
     replan = options.pop("replan", None)
     if replan is not None and (not isinstance(replan, int) or isinstance(replan, bool) or replan < 0):
         raise ConfigurationError(f"arms.{name}.replan is {replan!r}; it is a count, 0 or more.")
-    return BenchArm(name, source, options, replan)
+    geometry = str(options.pop("geometry", ""))
+    rows = ("", PERCEIVED, *VARIANTS)
+    if geometry not in rows:
+        raise ConfigurationError(f"arms.{name}.geometry is '{geometry}'; it is one of {', '.join(rows[1:])}.")
+    return BenchArm(name, source, options, replan, geometry)
 
 
 def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
@@ -98,7 +108,7 @@ def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
                 f"arms.NAME={{memory: governed, admission: false}}."
             )
         known = [] if not arm.learns else options_of(registry, "memory", arm.memory)
-        own = {*known, "replan"} - {"url"}
+        own = {*known, "replan", "geometry"} - {"url"}
         given_options(f"arms.{arm.name}", arm.options, f"'{arm.source}'", own)
     return arms
 

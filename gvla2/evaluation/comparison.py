@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
@@ -27,7 +26,14 @@ FEWEST = 5
 """Least number of objects for an interval: a bootstrap of fewer has hardly more values than objects."""
 EXPLANATION = (
     "Mean over objects ± standard deviation over seeds, if there are several; change of the mean against the first "
-    "row in per cent [95 % interval, bootstrap over objects, from five objects on]."
+    "row in per cent, of a success rate in points [95 % interval, bootstrap over objects, from five objects on]; the "
+    "least change that so many objects can show (p < .05, power 80 %)."
+)
+FULL = 0.95
+"""Success rates that are all above it, or all below what it leaves, have no room for a difference."""
+SATURATED = (
+    "Saturated: at least 95 % of the episodes succeed in all that is compared, or at least 95 % fail, which leaves no "
+    "room for a difference."
 )
 SURE = 0.05
 """An adjusted p below it is coloured."""
@@ -40,13 +46,17 @@ EFFECT = (
 
 @dataclass(frozen=True)
 class Measure:
-    """A column: the measure's name, its heading, which way is better, and its decimals."""
+    """A column: the measure's name, its heading, which way is better, and its decimals.
+
+    A ``rate`` is 0 or 100 in each cell: how many points its pairs can show follows from that.
+    """
 
     name: str
     title: str
     better: Literal["lower", "higher"]
     digits: int = 2
     compared: bool = True
+    rate: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,6 +94,10 @@ def _sheet(group: tuple[str, ...], cells: Sequence[Cell], layout: TableLayout) -
         entries = tuple(_entry(m, by_row[name], reference, layout.pair) for m in layout.measures)
         failed = sum(cell.status != "ok" for cell in by_row[name])
         label = layout.labels.get(name, name)
+        for measure in layout.measures if reference and not failed else ():
+            if measure.rate:
+                shares = [measured(some, measure.name) for some in (reference, by_row[name])]
+                label += saturated([fmean(some) / 100 for some in shares if some])
         rows.append(SheetRow(f"{label} ({failed} failed)" if failed else label, entries))
     shared = zip(layout.groups, group, strict=True)
     objects, seeds = (max(len(grouped(some, by)) for some in by_row.values()) for by in (layout.pair, "seed"))
@@ -110,22 +124,64 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], p
     tone: Tone = ""
     ours, theirs = _means(measure, cells, pair), _means(measure, reference, pair)
     both = [name for name in ours if name in theirs]
-    if not measure.compared or not both or fmean([theirs[name] for name in both]) == 0:
+    if not measure.compared or not both:
         return SheetCell(tuple(lines))
-    change = relative_change([theirs[name] for name in both], [ours[name] for name in both])
-    line = f"{change.value:+.2f} %"
-    if change.count >= FEWEST:
+    if measure.rate:
+        if not (by_object := _pairs(measure, reference, cells, pair)):
+            return SheetCell(tuple(lines))
+        change, unit = pooled_difference(by_object), "points"
+        shown = least([one for pairs in by_object.values() for one in pairs])
+    elif fmean([theirs[name] for name in both]) == 0:
+        return SheetCell(tuple(lines))
+    else:
+        change, unit = relative_change([theirs[name] for name in both], [ours[name] for name in both]), "%"
+        shown = f"could show {change.least:.2f} %" if change.count > 1 else ""
+    line = f"{change.value:+.2f} {unit}"
+    if len(both) >= FEWEST:
         line += f" [{change.low:+.2f}, {change.high:+.2f}]"
         if change.low * change.high > 0:  # only an interval without zero has a colour
             tone = "better" if (change.value < 0) == (measure.better == "lower") else "worse"
-    lines.append(line)
-    return SheetCell(tuple(lines), tone=tone)
+    return SheetCell((*lines, line, *filter(None, [shown])), tone=tone)
 
 
 def _means(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, float]:
     """The means of what was measured, grouped by a factor."""
     found = [cell for cell in cells if cell.measures.get(measure.name) is not None]
     return {group: fmean(measured(some, measure.name)) for (group,), some in grouped(found, by).items()}
+
+
+def _pairs(
+    measure: Measure, first: Sequence[Cell], second: Sequence[Cell], pair: str
+) -> dict[str, list[Pair]]:
+    """By ``pair`` what two rows measured with the same seed."""
+    one, two = (
+        {c.texts(pair, "seed"): value for c in some if (value := c.measures.get(measure.name)) is not None}
+        for some in (first, second)
+    )
+    return pairs_by_task(one, two)
+
+
+def pairs_by_task(
+    first: Mapping[tuple[str, ...], float], second: Mapping[tuple[str, ...], float]
+) -> dict[str, list[Pair]]:
+    """By task, the first part of a place, the places that both have: which of both did better there."""
+    pairs: dict[str, list[Pair]] = {}
+    for place in sorted(first.keys() & second.keys()):
+        one, two = first[place], second[place]
+        pairs.setdefault(place[0], []).append((one > two, two > one) if one != two else (one > 0, one > 0))
+    return pairs
+
+
+def least(pairs: Sequence[Pair]) -> str:
+    """The least difference that these pairs could have shown, if there is one."""
+    points = detectable_difference(pairs)
+    return f"could show {points:.0f} points" if points <= 100 else "too few pairs to show any"
+
+
+def saturated(rates: Sequence[float]) -> str:
+    """A remark on success rates, shares in [0, 1], that leave no room for a difference; "" for others."""
+    full = len(rates) > 1 and (min(rates) >= FULL or max(rates) <= 1 - FULL)
+    return " (saturated)" if full else ""
 
 
 def rate(outcomes: Sequence[float], sure: int = 0) -> SheetCell:
@@ -156,7 +212,6 @@ def effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
     change = pooled_difference(by_task)
     everything = [pair for pairs in by_task.values() for pair in pairs]
     (won, lost), p = won_and_lost(everything), exact_mcnemar(everything)
-    least = detectable_difference(everything)
     sure = ", ".join(f"{task} {'+' if way > 0 else '-'}" for task, way in different(by_task).items())
     unsure = change.low <= 0 <= change.high or p >= SURE
     tone: Tone = "" if unsure else "better" if change.value > 0 else "worse"
@@ -164,7 +219,7 @@ def effect(by_task: Mapping[str, Sequence[Pair]]) -> SheetCell:
         f"{change.value:+.1f} points",
         f"[{change.low:+.1f}, {change.high:+.1f}]",
         f"{won} : {lost} of {len(everything)}, p {p:.3g}",
-        f"could show {least:.0f} points" if least < math.inf else "too few pairs to show any",
+        least(everything),
         *([sure or "no task by itself"] if len(by_task) > 1 else []),
     ]
     return SheetCell(tuple(lines), tone=tone)

@@ -155,7 +155,11 @@ class RobotBench(MemoryArms, BranchBench):
     """Every task x arm x layout, judged by both profiles.
 
     ``tasks`` are the paper's fourteen by default, in a learnable world those with something to learn; ``task_options``
-    go by their names (``task_options.open_jar.turn=175``), ``scale`` is the objects' size. ``arms`` are by default
+    go by their names (``task_options.open_jar.turn=175``), ``scale`` is the objects' size. Beside the objects lie
+    ``distractors``; ``sentences`` are the tasks' "own" or, drawn by the layout, "unseen" ones by strangers, where there
+    are some; with ``scans``, a folder of meshes or "auto" for YCB-30 if it is installed, the task of scanned objects
+    joins the default ones. The Hydra group ``conditions`` sets these three and the cameras: everyday, or clean.
+    ``arms`` are by default
     ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of every task belong to
     ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a different world.
     There the arms are measured under each of ``stresses``: "none", "verifier", "drift", "import", "crowd", "twins",
@@ -180,6 +184,9 @@ class RobotBench(MemoryArms, BranchBench):
     task_options: dict[str, Any] = field(default_factory=dict)
     episodes: int = 25
     scale: float = 1.0
+    distractors: int = 0
+    sentences: str = "own"
+    scans: str = "none"
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
     robot: ComponentConfig = field(default_factory=ComponentConfig)
     camera: ComponentConfig = field(default_factory=ComponentConfig)
@@ -206,10 +213,12 @@ class RobotBench(MemoryArms, BranchBench):
         super().__post_init__()
         named = [one for stress in self.stresses for one in stress.split("+")]
         unknown = [one for one in named if one not in (*STRESSES, "none", "all")]
-        below = [name for name in ("second_tries", "replan", "exploration_replan") if getattr(self, name) < 0]
+        counts = ("second_tries", "replan", "exploration_replan", "distractors")
+        below = [name for name in counts if getattr(self, name) < 0]
         _require(
             (self.world in ("plain", LEARNABLE), f"world is '{self.world}'; it is plain or {LEARNABLE}."),
             (self.films in ("none", "failures", "all"), f"films is '{self.films}'; it is none, failures or all."),
+            (self.sentences in ("own", "unseen"), f"sentences is '{self.sentences}'; it is own or unseen."),
             (not below, f"{', '.join(below)} must not be negative."),
             (not unknown, f"stresses has {', '.join(unknown)}; there are none, {', '.join(STRESSES)} and all."),
             (not self.stresses or self.world == LEARNABLE, f"stresses need world={LEARNABLE}."),

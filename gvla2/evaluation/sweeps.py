@@ -10,15 +10,17 @@ from statistics import fmean, median
 
 from gvla2.evaluation.comparison import (
     EFFECT,
+    SATURATED,
     Measure,
     TableLayout,
     comparison_sheets,
     different,
     effect,
+    pairs_by_task,
     rate,
+    saturated,
 )
 from gvla2.evaluation.results import Cell, grouped, measured
-from gvla2.evaluation.statistics import Pair
 from gvla2.evaluation.tables import NONE, Sheet, SheetCell, SheetRow, film, runs_of, text_cell
 from gvla2.record.text import count
 
@@ -32,7 +34,8 @@ EXPLANATION = (
     "layout that several jobs of a row ran counts once, with its mean. An episode that nobody judged counts as a "
     "failure, also one whose planner crashed; one that could not be carried out is not counted. Where memory was "
     "unavailable, episodes ran without it. Asterisk, coloured: the task differs from the first row (exact McNemar on "
-    "paired layouts, Holm over tasks, p < .05). Against the first row: " + EFFECT[0].lower() + EFFECT[1:]
+    "paired layouts, Holm over tasks, p < .05). "
+    f"{SATURATED} Against the first row: {EFFECT[0].lower()}{EFFECT[1:]}"
 )
 FAILURES = "Episodes by kind of failure, as in result.json. Seconds and tokens of an episode are medians."
 RECONSTRUCTED = TableLayout(
@@ -98,15 +101,19 @@ def _pivot(cells: list[Cell]) -> list[Sheet]:
     rates = {label: _rates(members) for label, members in rows.items()}
     first = next(iter(rates.values()))
     several, compared = len(tasks) > 1, len(rows) > 1
-    headings = [*(tasks if several else ["success"]), *(["mean"] if several else [])]
+    by_task = {label: [_of(own, task) for task in tasks] for label, own in rates.items()}
+    headings = [
+        (task if several else "success") + saturated([fmean(some) for some in outcomes if some])
+        for task, outcomes in zip(tasks, zip(*by_task.values(), strict=True), strict=True)
+    ]
+    headings += ["mean"] if several else []
     success = []
     for label, members in rows.items():
-        pairs = _pairs(first, rates[label])
+        pairs = pairs_by_task(first, rates[label])
         sure = different(pairs)
-        by_task = [[r for (task, _), r in rates[label].items() if task == one] for one in tasks]
-        line = [rate(some, sure.get(task, 0)) for task, some in zip(tasks, by_task, strict=True)]
+        line = [rate(some, sure.get(task, 0)) for task, some in zip(tasks, by_task[label], strict=True)]
         if several:
-            means = [fmean(some) for some in by_task if some]
+            means = [fmean(some) for some in by_task[label] if some]
             line.append(text_cell(f"{100 * fmean(means):.1f}") if means else NONE)
         if compared:
             line.append(text_cell("") if rates[label] is first else effect(pairs))
@@ -136,13 +143,9 @@ def _rates(members: Sequence[Cell]) -> dict[Layout, float]:
     }
 
 
-def _pairs(first: Mapping[Layout, float], second: Mapping[Layout, float]) -> dict[str, list[Pair]]:
-    """By task the layouts that both rows have: whether the first, and whether the second did better."""
-    pairs: dict[str, list[Pair]] = {}
-    for layout in first.keys() & second.keys():
-        one, two = first[layout], second[layout]
-        pairs.setdefault(layout[0], []).append((one > two, two > one) if one != two else (one > 0, one > 0))
-    return pairs
+def _of(rates: Mapping[Layout, float], task: str) -> list[float]:
+    """The rates of a task's layouts."""
+    return [rate for (name, _), rate in rates.items() if name == task]
 
 
 def _failures(rows: Mapping[str, Sequence[Cell]]) -> Sheet:

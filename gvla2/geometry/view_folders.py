@@ -28,7 +28,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
 from gvla2.io.files import write_bytes
-from gvla2.io.foreign import read_array, read_picture
+from gvla2.io.foreign import png_bytes, read_array, read_picture
 
 VIEWS, CAMERAS = "views", "cameras.json"
 """A run's folder of views, and the file with the cameras of a folder."""
@@ -159,11 +159,11 @@ def write_plain(folder: str | os.PathLike[str], views: Views, subject: str = "")
     """
     place, entries = Path(folder), []
     for number, view in enumerate(views):
-        files = {f"images/{number}.png": _png(view.image)}
+        files = {f"images/{number}.png": png_bytes(view.image)}
         if view.mask is not None:
-            files[f"masks/{number}.png"] = _png(_as_bytes(view.mask))
+            files[f"masks/{number}.png"] = png_bytes(_as_bytes(view.mask))
         if view.robot_mask is not None:
-            files[f"robot/{number}.png"] = _png(_as_bytes(view.robot_mask))
+            files[f"robot/{number}.png"] = png_bytes(_as_bytes(view.robot_mask))
         if view.depth is not None:
             stream = io.BytesIO()
             np.save(stream, view.depth)
@@ -320,12 +320,6 @@ def _alpha(picture: Image.Image) -> NDArray[np.float32] | None:
         return None
     alpha = np.asarray(picture.convert("RGBA").getchannel("A"), dtype=np.float32) / np.float32(255)
     return alpha if alpha.min() < 1 else None
-
-
-def _png(array: NDArray[np.uint8]) -> bytes:
-    stream = io.BytesIO()
-    Image.fromarray(array).save(stream, "PNG")
-    return stream.getvalue()
 
 
 def _as_bytes(mask: NDArray[np.float32] | NDArray[np.bool_]) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Arrays and pictures that others wrote: plain data in files, of a size that fits into memory once unpacked."""
+"""Arrays and pictures in files: those that others wrote are plain data that fits into memory once unpacked."""
 
 from __future__ import annotations
 
@@ -53,6 +53,14 @@ def read_picture(path: str | os.PathLike[str]) -> Image.Image:
         with Image.open(path) as picture:
             picture.load()
             return picture
+
+
+def png_bytes(picture: Image.Image | NDArray[np.uint8]) -> bytes:
+    """A picture, or an image (H, W), (H, W, 3) or (H, W, 4), as a PNG file's bytes."""
+    stream = io.BytesIO()
+    shown = picture if isinstance(picture, Image.Image) else Image.fromarray(np.ascontiguousarray(picture))
+    shown.save(stream, "PNG")
+    return stream.getvalue()
 
 
 def _check_size(taken: int) -> None:

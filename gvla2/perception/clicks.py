@@ -7,7 +7,6 @@ object that the mask shows, or one that geometry alone did not separate.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
@@ -19,6 +18,7 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.io.foreign import png_bytes
 from gvla2.language.contracts import LanguageModel, LanguageModelError
 from gvla2.language.contracts import picture as picture_part
 from gvla2.language.typed import ask_typed, json_in
@@ -33,12 +33,10 @@ from gvla2.planning.scene import Scene, SceneObject
 class Prompt:
     """A target in a picture, in pixels, the first pixel's centre at (0.5, 0.5).
 
-    ``points`` (P, 2) as (u, v); ``positive`` (P,) whether each is on the object or beside it; ``box`` is (left, top,
-    right, bottom) or None. At least one point or a box.
+    ``points`` (P, 2) on it as (u, v); ``box`` is (left, top, right, bottom) or None. At least one point or a box.
     """
 
     points: FloatArray
-    positive: NDArray[np.bool_]
     box: tuple[float, float, float, float] | None = None
 
 
@@ -171,7 +169,7 @@ def _asked(
 
 def _segmented(segment: Segment, clicks: Sequence[tuple[float, float]]) -> tuple[BoolArray, float] | None:
     """The best mask that holds most clicks, and its score; None if all are empty, unsure or the background."""
-    answer = segment([Prompt(np.array(clicks), np.ones(len(clicks), dtype=bool))])
+    answer = segment([Prompt(np.array(clicks))])
     columns, rows = np.array(clicks).astype(int).T
     found = [
         (score + float(mask[rows, columns].mean()), np.asarray(mask), float(score))
@@ -199,9 +197,7 @@ def overlay(
     pen = ImageDraw.Draw(drawn)
     for u, v in clicks:
         pen.ellipse([u * factor - 4, v * factor - 4, u * factor + 4, v * factor + 4], fill=(0, 255, 0))
-    stream = io.BytesIO()
-    drawn.save(stream, "PNG")
-    return stream.getvalue()
+    return png_bytes(drawn)
 
 
 def localized(

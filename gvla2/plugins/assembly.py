@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from gvla2.component import described
 from gvla2.errors import ConfigurationError
-from gvla2.plugins.kinds import NONE
+from gvla2.plugins.kinds import KINDS, NONE
 from gvla2.plugins.registry import Registry
 from gvla2.robot.options import TaskConfig
 
@@ -29,7 +30,8 @@ def build_components(
 
     ``choices`` are their names in the record, by default their names by group, without those that nothing uses here;
     ``branch`` the options of the reconstruction branch. A perceiver without a gallery gets the task's known objects.
-    Raises :class:`ConfigurationError` for a camera that the robot would not use.
+    Raises :class:`ConfigurationError` for a camera that the robot would not use, and for options of the reconstruction
+    branch without a reconstructor.
     """
     from gvla2.episode.loop import Components
     from gvla2.episode.refine import GeometryComponents
@@ -48,20 +50,35 @@ def build_components(
         config = replace(root, perceiver=replace(root.perceiver, gallery=task.known_objects))
     built: dict[str, Any] = {}
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
+    branch, refines = branch or BranchOptions(), registry.chosen(config, "reconstructor") != NONE
+    if not refines:
+        _refuse_unused(config, registry, branch)
     if choices is None:
         offered = (one for kind in registry.kinds for one in registry.components(kind).values())
         idle = {need for one in offered for need in one.needs} - set(built)
-        if registry.chosen(config, "reconstructor") == NONE:
+        if not refines:
             idle.update(GEOMETRY[1:])
         choices = {kind: getattr(config, kind).name for kind in registry.groups if kind not in idle}
+    geometry = GeometryComponents(**{kind: built[kind] for kind in GEOMETRY}, options=branch)
     offers = {kind: registry.offers(kind).get(name) for kind, name in choices.items()}
     return Components(
         **{kind: built[kind] for kind in (*LOOP, "memory")},
-        geometry=GeometryComponents(
-            **{kind: built[kind] for kind in GEOMETRY}, options=branch or BranchOptions()
-        ),
+        geometry=geometry if refines else None,
         choices=choices,
         skills=registry.skills,
         language=built.get("language"),
         plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
     )
+
+
+def _refuse_unused(config: object, registry: Registry, branch: BranchOptions) -> None:
+    """Raises :class:`ConfigurationError` where something was chosen that only a reconstructor's output goes through."""
+    given = [f"branch.{name}={value}" for name, value in branch.changed().items()]
+    for kind in GEOMETRY[1:]:
+        chosen = described(registry.configure(config, kind)[0])
+        given += [] if chosen == KINDS[kind].default else [f"{kind}={chosen}"]
+    if given:
+        raise ConfigurationError(
+            f"{', '.join(given)}: without a reconstructor nothing uses this. Choose one, as in reconstructor=hull, or "
+            "leave it out."
+        )

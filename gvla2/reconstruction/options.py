@@ -5,11 +5,24 @@ Part of the command line's schema, so it imports nothing heavy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from gvla2.errors import ConfigurationError
 
 MODES = ("default", "paper")
+REFERENCE = "baseline"
+VARIANTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        REFERENCE: (),
+        "a_prior_appearance": ("prior", "appearance"),
+        "a_soft_hull": ("prior", "appearance", "soft_hull"),
+        "b_axis": ("axis",),
+        "ab_fusion": ("prior", "appearance", "soft_hull", "axis", "fusion"),
+    }
+)
+"""The paper's rows by name, with the stages that each has; without any the branch's output is G0."""
 
 
 @dataclass
@@ -41,6 +54,11 @@ class BranchOptions:
                 f"The soft hull needs tau in [0, 1], eta > 0 and lambda_max in [0, 1), got branch.tau={self.tau:g}, "
                 f"branch.eta={self.eta:g}, branch.lambda_max={self.lambda_max:g}."
             )
+
+    def row(self, variant: str) -> BranchOptions:
+        """These options without the stages that a row of the ablation lacks."""
+        absent = {*VARIANTS["ab_fusion"]} - {*VARIANTS[variant]}
+        return replace(self, **dict.fromkeys(absent, False))
 
     def changed(self) -> dict[str, str]:
         """The options that differ from the defaults, as the command line writes them."""

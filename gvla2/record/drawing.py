@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.io.foreign import png_bytes
 from gvla2.record.text import one_line
 
 
@@ -93,13 +94,6 @@ def marker_colour(index: int) -> Colour:
 def css_colour(colour: Colour) -> str:
     """``#rrggbb``."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
-
-
-def png(image: Image.Image) -> bytes:
-    """The picture as a PNG file's bytes."""
-    stream = io.BytesIO()
-    image.save(stream, format="PNG")
-    return stream.getvalue()
 
 
 def enlarged(
@@ -228,4 +222,4 @@ def contact_sheet(tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, ga
 def contact_sheet_of(files: Mapping[str, bytes], columns: int = 2) -> bytes:
     """The sheet of PNG files, titled by their names, as a PNG file; no bytes for none."""
     tiles = [(name, Image.open(io.BytesIO(data))) for name, data in files.items()]
-    return png(contact_sheet(tiles, columns)) if tiles else b""
+    return png_bytes(contact_sheet(tiles, columns)) if tiles else b""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -10,9 +10,11 @@ import numpy as np
 from PIL import Image
 
 from gvla2.episode.record import EpisodeRecord
+from gvla2.episode.refine import Refinement
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
+from gvla2.io.foreign import png_bytes
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import (
@@ -25,11 +27,14 @@ from gvla2.record.drawing import (
     enlarged,
     marker_colour,
     part_about,
-    png,
 )
 
 OPEN_COLOUR: Colour = (120, 214, 255)
 CLOSED_COLOUR: Colour = (255, 168, 60)
+BEFORE_COLOUR: Colour = (86, 180, 255)
+AFTER_COLOUR: Colour = (255, 168, 60)
+TRUE_COLOUR: Colour = (90, 214, 120)
+"""Boxes as perceived, as refined and as they are."""
 
 _EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
 _SEEN = 0.03  # share of an object's points that must be visible for its label
@@ -161,12 +166,13 @@ class Pictures:
     """The page's pictures; empty if not made.
 
     ``plain`` are the cameras' pictures as taken, ``objects`` those with the perceived objects,
-    ``plan`` the planned path in some of them. ``film`` is the motion as MP4, ``model`` the scene with
-    the plan as GLB.
+    ``refined`` the boxes of each object that was refined, ``plan`` the planned path in some of them. ``film`` is the
+    motion as MP4, ``model`` the scene with the plan as GLB.
     """
 
     plain: Shots = field(default_factory=dict)
     objects: Shots = field(default_factory=dict)
+    refined: Shots = field(default_factory=dict)
     plan: Shots = field(default_factory=dict)
     before: bytes = b""
     after: bytes = b""
@@ -178,17 +184,17 @@ def main_picture(observation: Observation) -> bytes:
     """The picture for before and after, of a front camera if there is one, else of the first."""
     views = observation.views
     main = next((v for v in views if "front" in v.name), views[0])
-    return png(enlarged(Image.fromarray(observation.shown(main).image), 512))
+    return png_bytes(enlarged(Image.fromarray(observation.shown(main).image), 512))
 
 
 def plain_pictures(observation: Observation) -> Shots:
     """Each camera's picture."""
-    return {view.name: png(Image.fromarray(view.image)) for view in observation.pictured()}
+    return {view.name: png_bytes(view.image) for view in observation.pictured()}
 
 
 def object_pictures(observation: Observation, scene: Scene) -> Shots:
     """Each camera's picture with the perceived objects."""
-    return {view.name: png(perception_overlay(view, scene)) for view in observation.pictured()}
+    return {view.name: png_bytes(perception_overlay(view, scene)) for view in observation.pictured()}
 
 
 def plan_pictures(
@@ -198,9 +204,25 @@ def plan_pictures(
     start = observation.world_from_tcp[:3, 3]
 
     def drawn(view: View) -> bytes:
-        return png(plan_overlay(view, trajectory, start, scene))
+        return png_bytes(plan_overlay(view, trajectory, start, scene))
 
     return {v.name: drawn(v) for v in plan_views(observation.pictured(), trajectory, count)}
+
+
+def refined_pictures(observation: Observation, refined: Sequence[Refinement]) -> Shots:
+    """By label, the part of a picture that shows an object best, with its perceived, refined and true boxes."""
+    made = {}
+    for number, one in enumerate(refined, 1):
+        view = max(observation.pictured(), key=lambda view: in_sight(view, one.before))
+        boxes = [(one.before, BEFORE_COLOUR), (one.after, AFTER_COLOUR), (one.true, TRUE_COLOUR)]
+        corners = np.concatenate([view.camera.project(obj.corners())[0] for obj, _ in boxes if obj])
+        size = (view.camera.width, view.camera.height)
+        canvas = Canvas(view.image, 420, part_about(corners, size, grow=1.3, least=0.1 * min(size)))
+        for obj, colour in boxes:
+            if obj is not None:
+                _draw_box(canvas, view.camera, obj, colour, hidden=False)
+        made[f"{number} {one.before.label}, {view.name}"] = png_bytes(canvas.picture())
+    return made
 
 
 class Shown(NamedTuple):
@@ -221,6 +243,7 @@ SHOWN: Mapping[str, Shown] = {
     "objects": Shown(
         "The picture of the objects", lambda r: (r.observation, r.scene), object_pictures, "perception.png"
     ),
+    "refined": Shown("The boxes", lambda r: (r.observation, r.refined), refined_pictures, "refined.png"),
     "plan": Shown(
         "The picture of the plan",
         lambda r: (r.observation, r.plan and r.plan.trajectory, r.scene),

@@ -19,13 +19,14 @@ from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import View, Views
+from gvla2.io.foreign import png_bytes
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.reconstruction.silhouette import silhouettes
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.view_set import outlined
-from gvla2.record.drawing import Colour, Rect, enlarged, part_about, png
+from gvla2.record.drawing import Colour, Rect, enlarged, part_about
 
 MISSED: Colour = (230, 97, 1)
 EXCESS: Colour = (44, 96, 214)
@@ -186,7 +187,7 @@ def view_pictures(views: Views, measures: Measures) -> tuple[ViewPictures, ...]:
             view.name,
             photo=_photograph(on_white(view), box),
             renders=[_photograph(one.image, box) for one in fits],
-            residuals=[png(residual_picture(one.silhouette, view, box)) for one in fits],
+            residuals=[png_bytes(residual_picture(one.silhouette, view, box)) for one in fits],
         )
         made.append(shown)
     return tuple(made)
@@ -200,7 +201,7 @@ def part_of(view: View, shapes: Iterable[NDArray[np.bool_]]) -> Rect:
 
 
 def _photograph(image: Floats, box: Rect) -> bytes:
-    return png(enlarged(Image.fromarray(np.ascontiguousarray(as_bytes(image))), WIDTH, box))
+    return png_bytes(enlarged(Image.fromarray(np.ascontiguousarray(as_bytes(image))), WIDTH, box))
 
 
 def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Rect, width: int = WIDTH) -> Image.Image:

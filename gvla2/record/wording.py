@@ -150,7 +150,7 @@ _REPORTS: Mapping[Stage, tuple[Callable[[EpisodeRecord], Any], Callable[[Any], b
     "setup": (lambda r: r.goal, bool),
     "observe": (lambda r: r.observation, lambda made: True),
     "perceive": (lambda r: r.scene, lambda made: True),
-    "reconstruct": (lambda r: r.refinement, bool),
+    "reconstruct": (lambda r: r.refined, lambda made: True),
     "recall": (lambda r: r.recalled, lambda made: not made.degraded),
     "plan": (lambda r: r.plan, lambda made: made.trajectory is not None),
     "check": (lambda r: r.checks, lambda made: made.passed),

@@ -14,10 +14,9 @@ from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, Message, json_in
 from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
-from gvla2.planning.programs import adapted, remembered, waypoints_program
+from gvla2.planning.programs import remembered, waypoints_program
 from gvla2.planning.scene import Scene
-from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.skills.model_planning import ask_for_plan, instruction_in, nothing_to_ask, rejection
+from gvla2.skills.model_planning import Question, nothing_to_ask
 from gvla2.skills.path_lifting import MOST_POINTS, PathPoint, lift
 from gvla2_plugins.agent3d import Agent3dConfig
 
@@ -51,75 +50,72 @@ class Agent3d:
         """
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
-        config, brief = self.config, scene_brief(request.scene, positions=False)
-        known = self._remembered(request, brief)
-        names, most = list(brief.ids), max((len(steps) + 1 for _, steps in known), default=MOST_POINTS)
-        return ask_for_plan(
+        config, question = self.config, Question(request, positions=False)
+        known = self._remembered(question)
+        most = max((len(steps) + 1 for _, steps in known), default=MOST_POINTS)
+        return question.ask(
             self._language,
-            messages(request, brief, known),
-            lambda text: self._lifted(read_steps(text, brief.ids), brief, request),
-            named=lambda reason: brief.named(reason, request.scene),
+            messages(question, known),
+            lambda text: self._lifted(read_steps(text, question.brief.ids), question),
             tries=config.tries,
-            grammar=grammar(names, max_points=most),
+            grammar=grammar(list(question.brief.ids), max_points=most),
             seed=config.explore_seed,
             temperature=config.explore or None,
             max_tokens=config.max_tokens,
         )
 
-    def _lifted(self, steps: Sequence[Step], brief: SceneBrief, request: PlanRequest) -> Plan:
-        plan = lift(path_of(steps, brief.ids, request.scene), request, self._options)
-        by_id = [[brief.ids[value] if isinstance(value, str) else value for value in step] for step in steps]
+    def _lifted(self, steps: Sequence[Step], question: Question) -> Plan:
+        request, ids = question.request, question.brief.ids
+        plan = lift(path_of(steps, ids, request.scene), request, self._options)
+        by_id = [[ids[value] if isinstance(value, str) else value for value in step] for step in steps]
         about = {"roles": plan.roles, "skill": plan.skill, "instruction": request.instruction}
         return replace(plan, program=waypoints_program(by_id, request.scene, **about))
 
-    def _remembered(self, request: PlanRequest, brief: SceneBrief) -> list[Shown]:
+    def _remembered(self, question: Question) -> list[Shown]:
         """At most ``programs`` remembered paths, the best one last, next to the question.
 
         Only paths that pass the checks in this scene, all of the same skill: a small model repeats what it is shown.
         """
         found: list[Shown] = []
         skill = ""
-        for program in request.advice.programs:
-            if program.language != "waypoints" or skill not in ("", program.skill):
-                continue
-            steps = adapted(program, request.scene, brief.names, request.instruction)
-            if len(found) < self.config.programs and steps and self._feasible(steps, brief, request):
+        for program, task, steps in question.remembered("waypoints"):
+            if len(found) == self.config.programs:
+                break
+            if skill in ("", program.skill) and self._feasible(steps, question):
                 skill = program.skill
-                found.append((" ".join(program.instruction.split())[:400], steps))
+                found.append((task[:400], steps))
         return found[::-1]
 
-    def _feasible(self, steps: Sequence[Step], brief: SceneBrief, request: PlanRequest) -> bool:
+    def _feasible(self, steps: Sequence[Step], question: Question) -> bool:
         """Whether a path can be followed in this scene."""
         try:
-            read = read_steps(written(steps), brief.ids)
-            return self._lifted(read, brief, request).trajectory is not None
+            read = read_steps(written(steps), question.brief.ids)
+            return self._lifted(read, question).trajectory is not None
         except (PlanningError, ValueError):  # it closes on nothing, or is too long
             return False
 
 
-def messages(request: PlanRequest, brief: SceneBrief, known: Sequence[Shown]) -> list[Message]:
+def messages(question: Question, known: Sequence[Shown]) -> list[Message]:
     """The question, after answered examples: one of the format, then remembered paths with present names and sizes.
 
     Memory's text is enclosed in marks, as data.
     """
     about = {part for _, steps in known for step in steps for part in step if isinstance(part, str)}
-    lines = sorted(brief.text.splitlines(), key=lambda line: line.partition(" ")[0] not in about)
+    lines = sorted(question.brief.text.splitlines(), key=lambda line: line.partition(" ")[0] not in about)
     objects = "\n".join(lines)  # those of the remembered paths first
     form = files(__package__).joinpath("prompt.md").read_text("utf-8").strip()
     asked: list[Message] = [{"role": "system", "content": form}]
     for seen, task, answer in (EXAMPLE, *((objects, task, written(steps)) for task, steps in known)):
         asked += [
-            {"role": "user", "content": _question(seen, task)},
+            {"role": "user", "content": _described(seen, task)},
             {"role": "assistant", "content": answer},
         ]
-    before = rejection(request, lambda reason: brief.named(reason, request.scene))
-    words = filter(
-        None, (remembered(request.advice.text), before, _question(objects, instruction_in(request)))
-    )
+    memory, now = remembered(question.request.advice.text), _described(objects, question.instruction)
+    words = filter(None, (memory, question.rejection, now))
     return [*asked, {"role": "user", "content": "\n".join(words)}]
 
 
-def _question(objects: str, task: str) -> str:
+def _described(objects: str, task: str) -> str:
     return f"Objects (name, length x width x height in mm):\n{objects}\nTask: {task}"
 
 

@@ -14,22 +14,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache
 from importlib.resources import files
+from itertools import islice
 from typing import Any
 
 from gvla2.language import LanguageModel, Message
 from gvla2.planning.calls import RELATIONS, WAYS, SkillCall, SkillOptions, written
 from gvla2.planning.contracts import Abstention, AbstentionKind, Plan, PlanRequest, RefusedError
-from gvla2.planning.programs import adapted, calls_program, remembered
-from gvla2.planning.scene_brief import SceneBrief, scene_brief
+from gvla2.planning.programs import calls_program, remembered
+from gvla2.planning.scene_brief import SceneBrief
 from gvla2.planning.skill import Skill
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.grounding import goals, themes
-from gvla2.skills.model_planning import (
-    ask_for_plan,
-    instruction_in,
-    nothing_to_ask,
-    rejection,
-)
+from gvla2.skills.model_planning import Question, nothing_to_ask
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.code_policies import CodePoliciesConfig
 
@@ -68,44 +64,37 @@ class CodePolicies:
         """
         if (refusal := nothing_to_ask(request)) is not None:
             return refusal
-        config, skills, brief = self.config, request.skills or STANDARD, scene_brief(request.scene)
-        fits = fitting(request, skills, brief)
+        config, skills, question = self.config, request.skills or STANDARD, Question(request)
+        fits = fitting(request, skills, question.brief)
         if not fits:
             nothing = Abstention("nothing_matches", "The scene has no object to which a skill applies.")
             return Plan(None, abstention=nothing)
-        asked = messages(request, skills, fits, brief, config.programs)
-        return ask_for_plan(
+        return question.ask(
             self._language,
-            asked,
-            lambda text: self._carried_out(read_calls(text, brief.ids, skills), request, brief),
-            named=lambda reason: brief.named(reason, request.scene),
+            messages(question, skills, fits, config.programs),
+            lambda text: self._carried_out(read_calls(text, question.brief.ids, skills), question),
             tries=config.tries,
             grammar=grammar(skills, fits, request.instruction, config.calls),
             max_tokens=config.max_tokens,
         )
 
-    def _carried_out(self, calls: tuple[SkillCall, ...], request: PlanRequest, brief: SceneBrief) -> Plan:
+    def _carried_out(self, calls: tuple[SkillCall, ...], question: Question) -> Plan:
         """The plan for the calls, with the program for memory."""
+        request, brief = question.request, question.brief
         plan = carry_out(calls, request, self._options)
         if plan.abstention is not None:
             return plan
-        lines, about = [written(call, brief.names) for call in calls], request.instruction
-        program = calls_program(
-            lines, brief.ids, request.scene, roles=plan.roles, skill=plan.skill, instruction=about
-        )
-        return replace(plan, program=program)
+        about = {"roles": plan.roles, "skill": plan.skill, "instruction": request.instruction}
+        lines = [written(call, brief.names) for call in calls]
+        return replace(plan, program=calls_program(lines, brief.ids, request.scene, **about))
 
 
-def messages(
-    request: PlanRequest, skills: Mapping[str, Skill], fits: Fitting, brief: SceneBrief, programs: int
-) -> list[Message]:
+def messages(question: Question, skills: Mapping[str, Skill], fits: Fitting, programs: int) -> list[Message]:
     """The question: the skills that fit, an example or two of each, remembered programs, the objects."""
     table = [f"{skills[s].signature(brief=True)}: {skills[s].description}" for s in fits]
     blocks = [_block(*example) for s in fits for example in worked_examples().get(s, ())]
-    if memory := _remembered(request, brief, programs):
-        blocks.append(memory)
-    blocks.append(rejection(request, lambda reason: brief.named(reason, request.scene)))
-    blocks.append(_block(brief.text, instruction_in(request), ""))
+    blocks += [_remembered(question, programs), question.rejection]
+    blocks.append(_block(question.brief.text, question.instruction, ""))
     return [
         {"role": "system", "content": "\n".join([BEGIN, *table, HOW_TO_DECLINE, END])},
         {"role": "user", "content": "\n\n".join(filter(None, blocks))},
@@ -116,18 +105,14 @@ def _block(objects: str, task: str, program: str) -> str:
     return "\n".join(["Objects:", objects, f"Task: {task}", "Program:", *([program] if program else [])])
 
 
-def _remembered(request: PlanRequest, brief: SceneBrief, programs: int) -> str:
+def _remembered(question: Question, programs: int) -> str:
     """Memory's block: up to ``programs`` programs that succeeded, with the present names, and memory's text."""
-    lines: list[str] = []
-    for program in request.advice.programs:
-        if program.language != "calls" or len(lines) == programs:
-            continue
-        steps = adapted(program, request.scene, brief.names, request.instruction)
-        if steps is not None:
-            task = " ".join(program.instruction.split())[:200]
-            lines.append(f"- {task}: {'; '.join(steps)} succeeded")
+    lines = [
+        f"- {task[:200]}: {'; '.join(steps)} succeeded"
+        for _, task, steps in islice(question.remembered("calls"), programs)
+    ]
     head = ["Programs of tasks like this one, with the names of now:", *lines] if lines else []
-    return remembered("\n".join([*head, request.advice.text.strip()]))
+    return remembered("\n".join([*head, question.request.advice.text.strip()]))
 
 
 DECLINE = "decline"

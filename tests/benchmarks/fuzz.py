@@ -20,25 +20,25 @@ import tempfile
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from PIL import Image
 
+from gvla2 import run
 from gvla2.commands.export import export
 from gvla2.commands.objects import read_scene
 from gvla2.commands.sweeps import publish_jobs, read_jobs
 from gvla2.errors import Gvla2Error
 from gvla2.geometry.articulated_files import read_articulated
-from gvla2.geometry.view_folders import read_views
+from gvla2.geometry.view_folders import CAMERAS, VIEWS, read_views
 from gvla2.memory import KnowledgeBank
 from gvla2.memory.transfer import import_jsonl
 from gvla2.perception.scans import read_scan as read_known
-from gvla2.record.motion import Motion
 from gvla2.robot.arm_from_urdf import arm_from_urdf
-from gvla2.robot.backend import Moment
-from gvla2.robot.calibration import CONVENTION, Calibration
+from gvla2.robot.calibration import Calibration
 from gvla2.robot.looks import link_surfaces
 from gvla2.robot.scan import read_scan
 from gvla2.robot.urdf import read_urdf
@@ -47,24 +47,10 @@ from gvla2_plugins.geofuse.results import read_result
 from gvla2_plugins.geofuse.sources import FilePrior
 from gvla2_plugins.mujoco import MjcfConfig
 from gvla2_plugins.mujoco.worlds import MjcfWorld
-from gvla2_plugins.sapien import SapienArmConfig
+from gvla2_plugins.sapien import SapienPiperConfig
 
 SECONDS, MEMORY = 5, 1 << 30
-ODD = (
-    b"0",
-    b"-1",
-    b"nan",
-    b"inf",
-    b"1e308",
-    b"99999999999",
-    b"[]",
-    b"{}",
-    b"null",
-    b'"x"',
-    b"\xff\xfe",
-    b"\0",
-    b"",
-)
+ODD = (*b'0 -1 nan inf 1e308 99999999999 [] {} null "x"'.split(), b"\xff\xfe", b"\0", b"")
 WORDS = (b"\xff\xff\xff\xff", b"\0\0\0\0", b"\xff\xff\xff\x7f")
 Reader = Callable[[Path], object]
 Targets = dict[str, tuple[Path, list[Reader]]]
@@ -118,101 +104,48 @@ def meshes(folder: Path) -> Targets:
 
 
 def robots(folder: Path) -> Targets:
-    """An arm as a URDF and in an MJCF file."""
-    numbers, joints = range(1, 7), [f"j{n}" for n in range(1, 7)]
-    link = (
-        '<visual><origin xyz="0 0 .07"/><geometry><cylinder radius=".02" length=".12"/></geometry></visual>'
-    )
-    limit = '<limit lower="-2.8" upper="2.8" velocity="2" effort="9"/>'
-    axes = [f"0 {n % 2} {1 - n % 2}" for n in numbers]
-    urdf = "".join(f'<link name="l{n}">{link}</link>' for n in range(7)) + "".join(
-        f'<joint name="j{n}" type="revolute"><parent link="l{n - 1}"/><child link="l{n}"/><origin xyz="0 0 .15"/>'
-        f'<axis xyz="{axis}"/>{limit}</joint>'
-        for n, axis in zip(numbers, axes, strict=True)
-    )
-    (folder / "arm.urdf").write_text(f'<robot name="six">{urdf}</robot>')
-    solid = '<geom type="capsule" size=".02 .05" pos="0 0 .07"/>'
-    chain = "".join(
-        f'<body name="l{n}" pos="0 0 .15"><joint name="j{n}" axis="{axis}" range="-2.8 2.8"/>{solid}'
-        for n, axis in zip(numbers, axes, strict=True)
-    )
-    hand = "".join(
-        f'<body name="f{n}" pos="{0.04 * n} 0 .1"><joint name="f{n}" type="slide" axis="{-n} 0 0" range="0 .04"/>'
-        '<geom type="box" size=".006 .01 .025"/></body>'
-        for n in (-1, 1)
-    )
-    motors = "".join(f'<position joint="{name}" kp="100" ctrlrange="-2.8 2.8"/>' for name in joints)
-    motors += "".join(f'<position name="g{n}" joint="f{n}" kp="100" ctrlrange="0 .04"/>' for n in (-1, 1))
-    base = '<camera name="c" pos="1 0 1"/><body name="l0"><geom type="box" size=".05 .05 .05"/>'
+    """An arm as a URDF, the Piper's, and in an MJCF file: a shoulder, an elbow and two fingers."""
+    urdf = files("gvla2.robot") / "descriptions/piper.urdf"
+    (folder / "arm.urdf").write_text(urdf.read_text("utf-8"))
     (folder / "arm.xml").write_text(
-        f"<mujoco><worldbody>{base}{chain}{hand}{'</body>' * 7}</worldbody><actuator>{motors}</actuator></mujoco>"
+        """<mujoco><worldbody><camera name="c" pos="1 0 1"/><body name="l0"><geom type="box" size=".05 .05 .05"/>
+        <body name="l1" pos="0 0 .15"><joint name="j1" axis="0 0 1" range="-2.8 2.8"/>
+        <geom type="capsule" size=".02 .05" pos="0 0 .07"/>
+        <body name="l2" pos="0 0 .15"><joint name="j2" axis="0 1 0" range="-2.8 2.8"/>
+        <geom type="capsule" size=".02 .05" pos="0 0 .07"/>
+        <body name="f1" pos="-.04 0 .1"><joint name="f1" type="slide" axis="1 0 0" range="0 .04"/>
+        <geom type="box" size=".006 .01 .025"/></body>
+        <body name="f2" pos=".04 0 .1"><joint name="f2" type="slide" axis="-1 0 0" range="0 .04"/>
+        <geom type="box" size=".006 .01 .025"/></body></body></body></body></worldbody>
+        <actuator><position joint="j1" kp="99" ctrlrange="-2.8 2.8"/><position joint="j2" kp="99" ctrlrange="-2.8 2.8"/>
+        <position name="g1" joint="f1" kp="99" ctrlrange="0 .04"/>
+        <position name="g2" joint="f2" kp="99" ctrlrange="0 .04"/>
+        </actuator></mujoco>"""
     )
 
     def mujoco(path: Path) -> None:
-        config = MjcfConfig(mjcf=str(path), base="l0", tool="l6", joints=joints, cameras=["c"])
-        config.fingers, config.gripper_actuators = ["f-1", "f1"], ["g-1", "g1"]
+        config = MjcfConfig(mjcf=str(path), base="l0", tool="l2", joints=["j1", "j2"], cameras=["c"])
+        config.fingers, config.gripper_actuators = ["f1", "f2"], ["g1", "g2"]
         world = MjcfWorld(config)
         world.begin(0)
         world.measure()  # by the arm that the model has
 
     def sapien(path: Path) -> None:
-        arm_from_urdf(SapienArmConfig(urdf=str(path), tool_link="l6", home=[0.0] * 6))
+        arm_from_urdf(SapienPiperConfig(urdf=str(path)))
 
     return {"urdf": (folder / "arm.urdf", [read_articulated, sapien]), "mjcf": (folder / "arm.xml", [mujoco])}
 
 
-def views(folder: Path) -> Targets:
-    """Pictures with their cameras, and what programs make of them."""
-    (folder / "images").mkdir()
-    for name in ("a", "b"):
-        Image.new("RGB", (32, 32)).save(folder / "images" / f"{name}.png")
-    K, T = [[40, 0, 16], [0, 40, 16], [0, 0, 1]], np.eye(4).tolist()
-    (folder / "cameras.json").write_text(
-        json.dumps({"K": K, "views": [{"name": name, "T": T} for name in "ab"]})
-    )
-    np.savez(folder / "prior.npz", depth=np.ones((2, 32, 32), np.float32), world_from_camera=[T, T])
+def runs(folder: Path) -> Targets:
+    """What a run, a sweep and a memory leave, and what other programs make of a run's views."""
+    run(folder, task="put_block", memory="none", **{"robot.image_size": 96, "robot.video_size": 32})
+    pictures = read_views(folder)
+    poses = np.array([view.camera.world_from_camera for view in pictures])
+    depth = np.ones((len(pictures), *pictures[0].image.shape[:2]), np.float32)
+    np.savez(folder / "prior.npz", depth=depth, world_from_camera=poses)
     np.savez(folder / "params.npz", scale=1.0, rotation=[1.0, 0, 0, 0], translation=[0.0, 0, 1])
     trimesh.creation.box((1, 1, 1)).export(folder / "result.glb")
-    size = {"fx": 40, "fy": 40, "cx": 16, "cy": 16, "width": 32, "height": 32}
-    seen = {"T_base_camera": T, "intrinsics": size, "serial": "1", "rmse": 0.001, "convention": CONVENTION}
-    (folder / "camera.json").write_text(json.dumps(seen))
-    pictures = read_views(folder)
-    return {
-        "cameras.json": (folder / "cameras.json", [lambda path: read_views(path.parent)]),
-        "png": (folder / "images" / "a.png", [lambda path: read_views(path.parent.parent)]),
-        "prior.npz": (
-            folder / "prior.npz",
-            [lambda path: FilePrior(FilePriorConfig(path=str(path))).predict(pictures)],
-        ),
-        "params.npz": (folder / "params.npz", [lambda path: read_result(path.parent)]),
-        "calibration": (folder / "camera.json", [Calibration.load]),
-    }
-
-
-def runs(folder: Path) -> Targets:
-    """What runs, sweeps and memories leave."""
-    motion = Motion(folder)
-    for k in range(3):
-        motion.moment(Moment(k / 5, np.zeros(3), 0.08))
-        motion.frame(np.zeros((32, 32, 3), np.uint8))
-    motion.finish()
-    result = {
-        "episode": "e",
-        "success": True,
-        "instruction": "lift it",
-        "robot": "sapien_panda",
-        "attempts": [{}],
-    }
-    (folder / "result.json").write_text(
-        json.dumps({**result, "robot_options": {"urdf": "x", "cameras": ["c"]}})
-    )
-    (folder / "config.yaml").write_text("robot:\n  urdf: x\n  cameras: [front]\n")
-    cup = {"id": "o1", "label": "cup", "shape": "box", "colour": "red", "extents": [0.1, 0.1, 0.1]}
-    scene = {"objects": [{**cup, "world_from_object": np.eye(4).tolist()}], "table_height": 0.0}
-    (folder / "scene.json").write_text(
-        json.dumps({**scene, "workspace": {"low": [0, 0, 0], "high": [1, 1, 1]}})
-    )
-    shutil.copytree(folder.parent / "views", folder / "views")
+    Calibration(pictures[0].camera, "1", 0.001).save(folder / "camera.json")
     lesson = {"query": "lift", "signature": {"height": 0.1}, "outcome": "verified_success", "quality": 0.9}
     lines = [
         json.dumps({"content": f"Lift slowly {n}.", "type": "procedural_hint", **lesson}) for n in range(3)
@@ -223,6 +156,9 @@ def runs(folder: Path) -> Targets:
     job = {"job": 0, "overrides": {"seed": "0"}, "status": "ok", "digest": "d", "value": 1.0, "rows": [row]}
     job |= {"results": f"sqlite:///{folder}/results.db"}
     (folder / "jobs" / "0" / "job.json").write_text(json.dumps(job))
+
+    def seen(_: Path) -> None:
+        read_views(folder)
 
     def exported(path: Path) -> None:
         shutil.rmtree(path.parent / "set", ignore_errors=True)
@@ -236,10 +172,18 @@ def runs(folder: Path) -> Targets:
         if jobs := read_jobs(path.parent.parent):
             publish_jobs("run", path.parent.parent, jobs)
 
+    def prior(path: Path) -> None:
+        FilePrior(FilePriorConfig(path=str(path))).predict(pictures)
+
     episode = ("result.json", "motion.npz", "episode.mp4", "config.yaml")
     return {
         **{name: (folder / name, [exported]) for name in episode},
         "scene.json": (folder / "scene.json", [lambda path: read_scene(path.parent)]),
+        "cameras.json": (folder / VIEWS / CAMERAS, [seen]),
+        "png": (folder / VIEWS / "images" / "0.png", [seen]),
+        "prior.npz": (folder / "prior.npz", [prior]),
+        "params.npz": (folder / "params.npz", [lambda path: read_result(path.parent)]),
+        "calibration": (folder / "camera.json", [Calibration.load]),
         "jsonl": (folder / "lessons.jsonl", [imported]),
         "job.json": (folder / "jobs" / "0" / "job.json", [published]),
     }
@@ -304,7 +248,7 @@ def main() -> None:
     total = 0
     with tempfile.TemporaryDirectory() as place:
         os.environ["GVLA2_CACHE"] = f"{place}/cache"
-        for made in (meshes, robots, views, runs):
+        for made in (meshes, robots, runs):
             folder = Path(place, made.__name__)
             folder.mkdir()
             for name, (path, readers) in made(folder).items():

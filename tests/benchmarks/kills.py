@@ -28,11 +28,12 @@ QUICK = [
 ]
 OUT = "hydra.run.dir={0}/out"
 SWEEP = ["run", "-m", "task=put_block", "seed=0,1,2,3", *QUICK, "hydra.sweep.dir={0}/out"]
+BENCH = ("bench", "robot", "conditions=clean", "tasks=[put_block]", "arms=[off,on]", "seeds=[0]", "workers=2")
 COMMANDS = {
     "run": ["run", "task=put_block", "episodes=2", *QUICK, "memory.url=sqlite:///{0}/memory.db", OUT],
     "sweep": SWEEP,
     "workers": [*SWEEP, "hydra/launcher=joblib", "hydra.launcher.n_jobs=2"],
-    "bench": ["bench", "robot", "tasks=[put_block]", "arms=[off,on]", "seeds=[0]", "workers=2", *QUICK, OUT],
+    "bench": [*BENCH, *QUICK, OUT],
 }
 AGAIN = "run again"
 ORPHANED, ENDS = 10.0, 300.0

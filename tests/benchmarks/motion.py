@@ -28,19 +28,27 @@ def clutter(rng: np.random.Generator, arm: Any) -> Scene:
     return Scene(tuple(objects), 0.752, arm.workspace)
 
 
-def measure(calls: int, body: Callable[[int], object]) -> tuple[list[float], list[object]]:
-    """Seconds and results of ``body(0)``, ``body(1)``, ..."""
+def measure(
+    what: str, calls: int, body: Callable[[int], Any], note: Callable[[list[Any]], str] | None = None
+) -> list[Any]:
+    """Print the milliseconds of ``body(0)``, ``body(1)``, ... with a note on the results, which are returned."""
     seconds, results = [], []
     for i in range(calls):
         began = time.perf_counter()
         results.append(body(i))
         seconds.append(time.perf_counter() - began)
-    return seconds, results
+    median, high = 1e3 * np.percentile(seconds, [50, 95])
+    print(f"{what:34s} median {median:8.3f} ms   p95 {high:8.3f} ms   {note(results) if note else ''}")
+    return results
 
 
-def show(what: str, seconds: list[float], unit: float, name: str, note: str = "") -> None:
-    median, high = np.percentile(seconds, [50, 95]) / unit
-    print(f"{what:34s} median {median:8.2f} {name}   p95 {high:8.2f} {name}   {note}")
+def solved(found: list[Any]) -> str:
+    return f"solved {np.mean([f is not None for f in found]):.1%}"
+
+
+def planned(found: list[Any]) -> str:
+    paths = [f for f in found if isinstance(f, MotionPath)]
+    return f"found {len(paths)}/{len(found)}, {sum(f.status == 'rrt_connect' for f in paths)} by RRT-Connect"
 
 
 def main() -> None:
@@ -55,30 +63,21 @@ def main() -> None:
     ]
 
     targets = [arm.forward(q) for q in rng.uniform(low, high, (300, arm.dof))]
-    seconds, found = measure(300, lambda i: arm.inverse(targets[i]))
-    show(
-        "IK, any reachable pose", seconds, 1e-3, "ms", f"solved {np.mean([f is not None for f in found]):.1%}"
-    )
-    grasps = [
-        rigid(r, p)
-        for r, p in zip(down, rng.uniform((0.1, -0.35, 0.77), (0.45, 0.35, 1.0), (300, 3)), strict=True)
-    ]
-    seconds, found = measure(300, lambda i: arm.inverse(grasps[i]))
-    show(
-        "IK, grasps over the table",
-        seconds,
-        1e-3,
-        "ms",
-        f"solved {np.mean([f is not None for f in found]):.1%}",
-    )
+    measure("IK, any reachable pose", 300, lambda i: arm.inverse(targets[i]), solved)
+    places = rng.uniform((0.1, -0.35, 0.77), (0.45, 0.35, 1.0), (300, 3))
+    grasps = [rigid(r, p) for r, p in zip(down, places, strict=True)]
+    measure("IK, grasps over the table", 300, lambda i: arm.inverse(grasps[i]), solved)
 
     checker = arm.checker(clutter(rng, arm), 1.0)
     checker.set_margins(0.01)
     near = np.clip(arm.home + rng.normal(size=(3000, arm.dof)) * 0.4, low, high)
-    seconds, found = measure(3000, lambda i: checker.free(near[i]))
-    show("collision check, 6 objects", seconds, 1e-6, "µs", f"free {np.mean(found):.0%}")
-    seconds, _ = measure(1000, lambda i: checker.clearance(near[i]))
-    show("signed clearance, 6 objects", seconds, 1e-6, "µs")
+    measure(
+        "collision check, 6 objects",
+        3000,
+        lambda i: checker.free(near[i]),
+        lambda f: f"free {np.mean(f):.0%}",
+    )
+    measure("signed clearance, 6 objects", 1000, lambda i: checker.clearance(near[i]))
 
     queries = []
     while len(queries) < 40:
@@ -91,33 +90,30 @@ def main() -> None:
         joints = arm.inverse(ends[0])
         if joints is not None and arm.clearance(joints.joints, 1.0, scene).distance > 0.01:
             queries.append((joints.joints, ends[1], scene))
-    seconds, found = measure(len(queries), lambda i: plan_motion(arm, *queries[i], seed=i))
-    paths = [f for f in found if isinstance(f, MotionPath)]
-    searched = sum(f.status == "rrt_connect" for f in paths)
-    show(
-        "free motion across a wall",
-        seconds,
-        1e-3,
-        "ms",
-        f"found {len(paths)}/{len(queries)}, {searched} by RRT-Connect",
+    found = measure(
+        "free motion across a wall", len(queries), lambda i: plan_motion(arm, *queries[i], seed=i), planned
     )
+    paths = [f for f in found if isinstance(f, MotionPath)]
     for f in found:
         if not isinstance(f, MotionPath):
             print("   ", f)
 
     starts = [arm.inverse(pose).joints for pose in grasps[:100] if arm.inverse(pose) is not None]
-    lift = rigid(None, (0, 0, 0.15))
-    empty = Scene((), 0.752, arm.workspace)
-    seconds, found = measure(
+    lift, empty = rigid(None, (0, 0, 0.15)), Scene((), 0.752, arm.workspace)
+    ends = [lift @ arm.forward(joints) for joints in starts]
+    measure(
+        "straight lift of 15 cm",
         len(starts),
-        lambda i: plan_motion(arm, starts[i], lift @ arm.forward(starts[i]), empty, motion="linear"),
+        lambda i: plan_motion(arm, starts[i], ends[i], empty, motion="linear"),
+        planned,
     )
-    share = np.mean([isinstance(f, MotionPath) for f in found])
-    show("straight lift of 15 cm", seconds, 1e-3, "ms", f"found {share:.0%}")
 
     limits = MotionLimits(arm.velocity_limits, np.full(arm.dof, 6.0), 0.25)
-    seconds, _ = measure(len(paths), lambda i: time_path(paths[i].joints, 1 / 60, limits, arm.tool_positions))
-    show("time samples of a free motion", seconds, 1e-3, "ms")
+    measure(
+        "time samples of a free motion",
+        len(paths),
+        lambda i: time_path(paths[i].joints, 1 / 60, limits, arm.tool_positions),
+    )
 
 
 if __name__ == "__main__":

@@ -1,38 +1,37 @@
 """Names from a gallery: scans laid on a table, one at a time, seen by four cameras, with and without themselves in it.
 
-    python tests/benchmarks/naming.py FOLDER [--poses 3] [--from 15]
+    python -m tests.benchmarks.naming FOLDER [--poses 3] [--from 15]
 
-FOLDER holds NAME/textured.obj (YCB). Scenes are ray cast, half of them with cameras that err: extrinsics off by
-2 mm and 0.3 degrees, range bias, flying pixels at edges, holes on dark surfaces, exposure and colour that differ by
-camera. The gallery holds all scans; ``--from`` names the first that is laid out (the odds were fitted on
-the fifteen before).
+FOLDER holds NAME/textured.obj (YCB). Scenes are ray cast, half of them with the errors of ``depth_noise=realistic``.
+The gallery holds all scans; ``--from`` is the number of the first that is laid out (the odds were fitted on the fifteen
+before).
 """
 
 import argparse
-from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
+from omegaconf import OmegaConf
 from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.raycast import RayCaster, Surface
-from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.perception.clusters import cloud_of, clusters
 from gvla2.perception.frames import frames_of, raised
 from gvla2.perception.gallery import Gallery
 from gvla2.perception.scans import read_scan, resting_turns, scan_files
 from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.robot.depth_noise import apply_noise
+from gvla2.robot.options import DepthNoise
+from tests.plugins.rendered_table import TABLE_TOP as TABLE
+from tests.plugins.rendered_table import cameras
 
-TABLE, SIZE = 0.752, 256
 WORKSPACE = Box(np.array([-0.02, -0.45, TABLE]), np.array([0.55, 0.45, TABLE + 0.8]))
-MOUNTS = {
-    "front": ((1.35, 0.0, 1.58), (-0.906, 0.0, -0.423), 40),
-    "left": ((-0.175, 0.2, 1.98), (0.416, -0.073, -0.906), 40),
-    "right": ((-0.175, -0.2, 1.98), (0.416, 0.073, -0.906), 40),
-    "wrist": ((0.21, 0.0, 1.5), (0.08, 0.0, -1.0), 60),
-}
+PLAIN = DepthNoise(sigma_rel=0.0015, colour=0.012)
+ERRING = DepthNoise(
+    **OmegaConf.create(files("gvla2.conf").joinpath("depth_noise/realistic.yaml").read_text())
+)
 
 
 def laid(path, rng, upright):
@@ -62,34 +61,11 @@ def seen(surface, rng, erring):
     a = 40 * i + j
     faces = np.concatenate([np.stack([a, a + 1, a + 40], 1), np.stack([a + 1, a + 41, a + 40], 1)])
     wood = np.clip(np.array([0.62, 0.55, 0.45]) * (1 + 0.03 * rng.normal(size=(len(faces), 1))), 0, 1)
-    cameras = [
-        Camera.from_fov(np.deg2rad(fov), look_along(at, along), SIZE, SIZE, name)
-        for name, (at, along, fov) in MOUNTS.items()
-    ]
-    views = []
-    for camera, shot in zip(
-        cameras, RayCaster([Surface(corners, faces, wood, 0), surface]).cast(cameras, {}), strict=True
-    ):
-        depth, image = shot.depth.astype(float), shot.image.astype(float)
-        steps = sum(np.abs(g) for g in np.gradient(depth))
-        depth = depth + 0.0012 * rng.normal(size=depth.shape) * depth**2
-        if erring:
-            depth = np.round(1e3 * depth * (1 + 0.0015 * rng.normal())) / 1e3
-            flying = (steps > 0.02) & (rng.random(depth.shape) < 0.3)
-            depth[flying] += rng.uniform(-0.5, 0.5, flying.sum()) * steps[flying]
-            depth[(image.sum(axis=-1) < 90) & (rng.random(depth.shape) < 0.4)] = np.nan
-            image = image * (1 + 0.08 * rng.normal()) * (1 + 0.03 * rng.normal(size=3))
-            axis_, shift = rng.normal(size=3), rng.normal(size=3)
-            off = camera.world_from_camera.copy()
-            off[:3, :3] = (
-                off[:3, :3]
-                @ Rotation.from_rotvec(np.deg2rad(0.3) * axis_ / np.linalg.norm(axis_)).as_matrix()
-            )
-            off[:3, 3] += 0.002 * shift / np.linalg.norm(shift)
-            camera = replace(camera, world_from_camera=off)
-        image = np.clip(image + 3 * rng.normal(size=image.shape), 0, 255).astype(np.uint8)
-        views.append(View(camera, image, depth.astype(np.float32)))
-    return Observation(Views(tuple(views)), np.eye(4), np.zeros(7), 1.0, 0.08)
+    rig = cameras()
+    shots = RayCaster([Surface(corners, faces, wood, 0), surface]).cast(rig, {})
+    views = tuple(View(camera, shot.image, shot.depth) for camera, shot in zip(rig, shots, strict=True))
+    clean = Observation(Views(views), np.eye(4), np.zeros(7), 1.0, 0.08)
+    return apply_noise(clean, ERRING if erring else PLAIN, rng, int(rng.integers(2**31)))
 
 
 def main():
@@ -99,12 +75,12 @@ def main():
     parser.add_argument("--poses", type=int, default=3)
     parser.add_argument("--from", type=int, default=15, dest="first")
     given = parser.parse_args()
-    files = scan_files(given.folder)
-    scans = {name: read_scan(name, path) for name, path in files.items()}
+    paths = scan_files(given.folder)
+    scans = {name: read_scan(name, path) for name, path in paths.items()}
     whole = Gallery(list(scans.values()))
     for erring in (False, True):
         counts = dict.fromkeys(("right", "wrong", "unknown", "left out: named"), 0)
-        for number, (name, path) in enumerate(list(files.items())[given.first :]):
+        for number, (name, path) in enumerate(list(paths.items())[given.first :]):
             without = Gallery([scan for other, scan in scans.items() if other != name])
             for pose in range(given.poses):
                 rng = np.random.default_rng([number, pose, erring])

@@ -4,36 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from gvla2.episode.failure_diagnosis import diagnose
 from gvla2.episode.record import EpisodeRecord
-from gvla2.geometry.transform import rigid
 from gvla2.planning.contracts import Candidate, Plan
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.report import ExecutionReport, WaypointReport
+from tests import objects
+from tests.objects import box, reported, scene, scene_object
 
-TABLE = 0.75
-RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "gray": (0.5, 0.5, 0.5)}
-
-
-def an_object(
-    id_: str, xyz: Sequence[float], size: Sequence[float], colour: str = "red", shape: Any = "box", *,
-    turn: Any = None, parent: str = "",
-) -> SceneObject:  # fmt: skip
-    pose = rigid(np.eye(3) if turn is None else turn, (xyz[0], xyz[1], TABLE + xyz[2]))
-    return SceneObject(id_, f"{colour} {shape}", shape, colour, pose, np.asarray(size, dtype=float),
-                       np.zeros((0, 3)), np.array(RGB[colour]), parent)  # fmt: skip
-
-
-def move(stage: str, xyz: Sequence[float], gripper: float = 0.0, carries: str = "") -> Waypoint:
-    x, y, z = (float(v) for v in xyz)
-    return Waypoint((x, y, TABLE + z), gripper, stage, carries=carries, allowed_contacts=frozenset({"a"}))
+move = partial(objects.move, gripper=0.0, allowed_contacts=frozenset({"a"}))
 
 
 def episode(
@@ -42,18 +27,12 @@ def episode(
     width: float = 0.02, held: bool | None = True, **plan: Any,
 ) -> EpisodeRecord:  # fmt: skip
     """Executed as planned but for ``changes`` of reports; the closed hand measures ``width`` and ``held``."""
-    space = Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0]))
-    reports = []
-    for i, w in enumerate(waypoints):
-        shut = w.gripper < 0.5
-        report = WaypointReport(
-            i, w.stage, w.xyz, w.xyz, 0.001, width if shut else 0.08, held if shut else False
-        )
-        reports.append(replace(report, **(changes or {}).get(i, {})))
     made = Plan(Trajectory(tuple(waypoints)), skill, roles or {"theme": "a"}, theta, **plan)
-    seen = None if after is None else Scene(tuple(after), TABLE, space)
-    return EpisodeRecord("run/1", "do it", "", 0, {}, scene=Scene(tuple(before), TABLE, space), plan=made,
-                         report=ExecutionReport(tuple(reports), 4.0), after_scene=seen)  # fmt: skip
+    report = reported(waypoints, changes, width=width, held=held, opened=0.08)
+    seen = None if after is None else scene(*after)
+    return EpisodeRecord(
+        "run/1", "do it", "", 0, {}, scene=scene(*before), plan=made, report=report, after_scene=seen
+    )
 
 
 def signals_of(record: EpisodeRecord) -> list[tuple[Any, ...]]:
@@ -66,14 +45,14 @@ def signals_of(record: EpisodeRecord) -> list[tuple[Any, ...]]:
     ]
 
 
-CUBE = (an_object("a", (0.3, 0, 0.025), (0.05, 0.05, 0.05)),)
+CUBE = (scene_object("a", (0.3, 0, 0.025), (0.05, 0.05, 0.05)),)
 PLACE = (
-    move("grasp", (0.3, 0, 0.02), 1.0),
+    move("grasp", (0.3, 0, 0.02), gripper=1.0),
     move("close", (0.3, 0, 0.02)),
     move("lift", (0.3, 0, 0.2), carries="a"),
     move("place", (0.5, 0, 0.02), carries="a"),
-    move("release", (0.5, 0, 0.02), 1.0, carries="a"),
-    move("retreat", (0.5, 0, 0.2), 1.0),
+    move("release", (0.5, 0, 0.02), gripper=1.0, carries="a"),
+    move("retreat", (0.5, 0, 0.2), gripper=1.0),
 )
 
 
@@ -91,20 +70,12 @@ def test_a_bound_goes_with_the_objects_size_where_the_plan_says_so() -> None:
     assert (signal.effect.scale, signal.effect.value) == ("height", pytest.approx(0.5))
 
 
-def box(angle: float) -> tuple[SceneObject, SceneObject]:
-    """A box whose lid, hinged at +x, is open by ``angle``."""
-    turn = Rotation.from_euler("y", angle).as_matrix()
-    centre = np.array([0.425, 0.0, 0.155]) - 0.134 * turn[:, 0]
-    lid = an_object("l", centre, (0.268, 0.35, 0.01), "blue", "plate", turn=turn, parent="b")
-    return an_object("b", (0.3, 0, 0.075), (0.25, 0.35, 0.15)), lid
-
-
 SWING = (
-    move("reach", (0.16, 0, 0.155), 1.0),
+    move("reach", (0.16, 0, 0.155), gripper=1.0),
     move("close", (0.16, 0, 0.155)),
     move("swing", (0.3, 0, 0.3), carries="l"),
     move("swing", (0.45, 0, 0.42), carries="l"),
-    move("release", (0.45, 0, 0.42), 1.0, carries="l"),
+    move("release", (0.45, 0, 0.42), gripper=1.0, carries="l"),
 )
 
 
@@ -130,7 +101,7 @@ def test_a_lid_that_fell_shut_is_swung_further(
 PULL = (
     move("close", (0.16, 0, 0.12)),
     move("pull", (0.01, 0, 0.12), carries="h"),
-    move("release", (0.01, 0, 0.12), 1.0, carries="h"),
+    move("release", (0.01, 0, 0.12), gripper=1.0, carries="h"),
 )
 
 
@@ -144,7 +115,9 @@ PULL = (
     ],
 )
 def test_a_drawer_that_came_short_is_pulled_further(out: float, width: float, expected: list[Any]) -> None:
-    before, after = ((an_object("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out))
+    before, after = (
+        (scene_object("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out)
+    )
     theta = {"pull_distance": 0.15, "grasp_depth": 0.006}
     record = episode("pull", before, after, PULL, theta, width=width, held=None, roles={"theme": "d"})
     assert signals_of(record) == expected
@@ -166,7 +139,9 @@ TWIST = (
     ],
 )
 def test_a_cap_that_stayed_on_is_turned_further(z: float, width: float, expected: list[Any]) -> None:
-    before, after = ((an_object("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, z))
+    before, after = (
+        (scene_object("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, z)
+    )
     record = episode(
         "twist", before, after, TWIST, {"turn": 1.5}, width=width, held=None, roles={"theme": "k"}
     )
@@ -191,12 +166,12 @@ def test_an_approach_is_forbidden_when_another_one_is_left() -> None:
 
 def test_what_the_mechanism_held_back_is_no_slip() -> None:
     lost = {"held": False, "gripper_width": 0.0, "abort": "slipped"}
-    cap = (an_object("k", (0.3, 0, 0.285), (0.028, 0.028, 0.01), "red", "disc"),)
+    cap = (scene_object("k", (0.3, 0, 0.285), (0.028, 0.028, 0.01), "red", "disc"),)
     theta = {"turn": 1.5, "grasp_depth": 0.005}
     for after, expected in (
         (cap, [("undershoot", "turn", ">=", 2.285)]),
         (
-            (an_object("k", (0.4, 0, 0.005), (0.028, 0.028, 0.01), "red", "disc"),),
+            (scene_object("k", (0.4, 0, 0.005), (0.028, 0.028, 0.01), "red", "disc"),),
             [("slip", "grasp_depth", ">=", 0.01)],
         ),
     ):
@@ -207,7 +182,7 @@ def test_what_the_mechanism_held_back_is_no_slip() -> None:
         (0.03, [("slip", "grasp_depth", ">=", 0.018)]),
     ):
         before, after = (
-            (an_object("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out)
+            (scene_object("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out)
         )
         theta = {"pull_distance": 0.15, "grasp_depth": 0.006}
         record = episode("pull", before, after, PULL, theta, changes={1: lost}, roles={"theme": "d"})
@@ -237,11 +212,13 @@ def test_a_lamp_that_stayed_dark_is_pressed_deeper_less_deep_or_longer(
     shade: Any, status: str, error: float, depth: float, seconds: float, expected: list[Any]
 ) -> None:
     def lamp(rgb: Any) -> tuple[SceneObject, ...]:
-        base = replace(an_object("l", (0.05, 0, 0.005), (0.16, 0.08, 0.01), "gray"), label="gray lamp base")
-        top = replace(
-            an_object("s", (0.1, 0, 0.08), (0.06, 0.06, 0.03), "gray", parent="l"), rgb=np.array(rgb)
+        base = replace(
+            scene_object("l", (0.05, 0, 0.005), (0.16, 0.08, 0.01), "gray"), label="gray lamp base"
         )
-        return base, top, an_object("b", (0, 0, 0.02), (0.03, 0.03, 0.03), "red", "cylinder", parent="l")
+        top = replace(
+            scene_object("s", (0.1, 0, 0.08), (0.06, 0.06, 0.03), "gray", parent="l"), rgb=np.array(rgb)
+        )
+        return base, top, scene_object("b", (0, 0, 0.02), (0.03, 0.03, 0.03), "red", "cylinder", parent="l")
 
     changes = {1: {"status": status, "error": error}}
     record = episode(
@@ -264,8 +241,8 @@ def test_a_lamp_that_stayed_dark_is_pressed_deeper_less_deep_or_longer(
 def test_fingers_that_were_forced_apart_tell_that_a_cap_opens_the_other_way(
     widths: tuple[float, float], turn: float, expected: tuple[Any, ...]
 ) -> None:
-    bottle = an_object("g", (0, 0, 0.1), (0.07, 0.07, 0.2), "blue", "cylinder")
-    cap = an_object("k", (0, 0, 0.21), (0.028, 0.028, 0.008), "gray", "disc", parent="g")
+    bottle = scene_object("g", (0, 0, 0.1), (0.07, 0.07, 0.2), "blue", "cylinder")
+    cap = scene_object("k", (0, 0, 0.21), (0.028, 0.028, 0.008), "gray", "disc", parent="g")
     way = (
         move("close", (0, 0, 0.21)), move("turn", (0, 0, 0.21)), move("turn", (0, 0, 0.21)),
         move("lift", (0, 0, 0.33), carries="k"),
@@ -291,8 +268,8 @@ def test_fingers_that_were_forced_apart_tell_that_a_cap_opens_the_other_way(
     [(0.0, ("held_fast", "unlatch_lift", ">=", 0.018)), (0.004, ("overshoot", "unlatch_lift", "<=", 0.002))],
 )
 def test_a_drawer_that_a_catch_holds_is_lifted_first(error: float, expected: tuple[Any, ...]) -> None:
-    cabinet = an_object("c", (0.5, 0, 0.1), (0.2, 0.3, 0.2), "blue")
-    front = an_object("a", (0.38, 0, 0.1), (0.02, 0.25, 0.1), "red", parent="c")
+    cabinet = scene_object("c", (0.5, 0, 0.1), (0.2, 0.3, 0.2), "blue")
+    front = scene_object("a", (0.38, 0, 0.1), (0.02, 0.25, 0.1), "red", parent="c")
     way = (
         move("close", (0.35, 0, 0.1)), move("unlatch", (0.35, 0, 0.11), carries="a"),
         move("pull", (0.2, 0, 0.11), carries="a"),

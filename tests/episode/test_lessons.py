@@ -10,19 +10,18 @@ from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Bound, effect_from_json
 from gvla2.planning.trajectory import Waypoint
+from tests.objects import TABLE, scene
 from tests.picking import (
     DOWN,
     FAIL,
     SCENE,
     SUCCESS,
-    TABLE,
     THETA,
     UNCERTAIN,
+    cube,
     effects_of,
     episode,
     kinds,
-    scene,
-    scene_object,
 )
 
 
@@ -103,7 +102,7 @@ PUSH = (
     ],
 )
 def test_a_push_is_corrected_by_its_error_along_the_way(x: float, expected: list[Any]) -> None:
-    after = scene(scene_object("z", 0.3, -0.2, "blue"), scene_object("y", x, 0.12, "red"))
+    after = scene(cube("z", 0.3, -0.2, "blue"), cube("y", x, 0.12, "red"))
     record = episode(skill="push", waypoints=PUSH, roles={"theme": "a", "goal": "goal"},
                      theta={"push_overshoot": 0.02}, after_scene=after)  # fmt: skip
     assert bounds(record) == expected
@@ -125,7 +124,7 @@ def test_a_transcript_describes_the_episode_and_is_bounded() -> None:
     for words in ("Pick up the red cube", "a: red cube", "grasp_depth 0.025", "contact of panda_hand",
                   "STOPPED (slipped)", "Ended at execute"):  # fmt: skip
         assert words in text
-    crowd = scene(*(scene_object(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
+    crowd = scene(*(cube(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
     assert len(transcript(replace(record, scene=crowd))) <= 8000
     assert "declined (other)" in transcript(
         replace(record, plan=Plan(None, abstention=Abstention("other", "no")))

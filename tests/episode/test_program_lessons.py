@@ -11,13 +11,8 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.programs import Program, adapted
 from gvla2.planning.scene_brief import unique_names
 from tests.episode.test_lessons_through_a_bank import open_bank
-from tests.picking import (
-    FAIL,
-    SUCCESS,
-    episode,
-    scene,
-    scene_object,
-)
+from tests.objects import scene
+from tests.picking import FAIL, SUCCESS, cube, episode, square
 
 
 def placed() -> EpisodeRecord:
@@ -62,9 +57,7 @@ def test_what_a_program_has_no_words_for_is_not_taught_as_calls() -> None:
 
 
 def test_programs_come_back_with_other_names_and_sizes_through_a_bank(tmp_path: Path) -> None:
-    later = scene(
-        scene_object("x1", 0.2, 0.0, "blue", size=0.08), scene_object("x2", 0.4, 0.2, "red", "region", 0.12)
-    )
+    later = scene(cube("x1", 0.2, 0.0, "blue", side=0.08), square("x2", 0.4, 0.2, "red", 0.12))
     asked = EpisodeRecord("run/9", "Put the blue box down on the red goal", "", 9, {}, scene=later)
     with open_bank(tmp_path, hints=6) as bank:
         bank.learn(memory_episode(placed(), SUCCESS), SUCCESS)

@@ -1,3 +1,6 @@
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,13 +12,16 @@ from gvla2.episode.refine import (
     masked_views,
     objects_of_interest,
     refine_scene,
+    with_truth,
 )
+from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along, rigid
 from gvla2.geometry.view_folders import read_views
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.plugins.assembly import build_components
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2.record.recorder import RunRecorder
@@ -39,12 +45,14 @@ def box_mesh(size):
 @pytest.fixture(scope="module")
 def observation():
     vertices, faces = box_mesh(SIZE)
-    caster = RayCaster([Surface(vertices, faces, np.array([0.8, 0.1, 0.1]), 0)])
+    board, sides = box_mesh(np.array([4.0, 4.0, 0.02]))
+    table = Surface(board - [0.0, 0.0, 0.01], sides, np.array([0.5, 0.5, 0.5]), 1)
+    caster = RayCaster([Surface(vertices, faces, np.array([0.8, 0.1, 0.1]), 0), table])
     cameras = [
         Camera.from_fov(0.7, look_along(position, np.array([0.3, 0.1, 0.0]) - position), 96, 96, name)
         for name, position in (("left", np.array([0.3, 0.7, 0.6])), ("front", np.array([1.0, 0.1, 0.5])))
     ]
-    images = caster.cast(cameras, {0: POSE})
+    images = caster.cast(cameras, {0: POSE, 1: np.eye(4)})
     views = tuple(View(c, i.image, i.depth) for c, i in zip(cameras, images, strict=True))
     return Observation(Views(views), np.eye(4), np.zeros(7), 1.0, 0.08)
 
@@ -85,15 +93,33 @@ def test_masks_are_the_silhouette(observation):
         np.testing.assert_array_equal(view.mask > 0.5, above)
 
 
-def test_too_large_a_box_is_refined_and_regions_are_left_alone(observation):
+def test_a_box_is_refined_only_where_the_masks_speak_for_it(observation):
     watched = Watched()
-    scene, sentence = refine_scene(scene_of(SIZE * 1.2), observation, "lift it", parts(watched))
+    large = SIZE * [1.6, 1.6, 1.0]
+    scene, (one,) = refine_scene(scene_of(large), observation, "lift it", parts(watched))
     assert len(watched.seen) == 1
-    assert "red box: extents changed by" in sentence
+    assert one.used
     # A hull of two views keeps what they cannot exclude, yet the true box lies within it.
     assert (scene["o1"].extents > SIZE - 4e-3).all()
-    assert not np.array_equal(scene["o1"].extents, SIZE * 1.2)
+    assert (scene["o1"].extents[:2] < large[:2]).all()
     np.testing.assert_array_equal(scene["o2"].extents, np.full(3, 0.1))
+    scene, (one,) = refine_scene(scene_of(SIZE), observation, "lift it", parts(watched))
+    assert not one.used
+    assert one.after is not None
+    np.testing.assert_array_equal(scene["o1"].extents, SIZE)
+    assert one.to_json()["before"] == SIZE.tolist()
+    (judged,) = with_truth((one,), scene_of(SIZE * 0.9))
+    assert judged.width_error == pytest.approx(0.1 * SIZE[1])
+
+
+def test_pixels_without_a_measurement_say_nothing(observation):
+    """A hole in the depth must not become a hole in the object."""
+    holes = np.random.default_rng(0).random((96, 96)) < 0.3
+    views = [replace(view, depth=np.where(holes, np.nan, view.depth)) for view in observation.views]
+    lossy = replace(observation, views=Views(tuple(views)))
+    for seen in (observation, lossy):
+        _, (one,) = refine_scene(scene_of(SIZE), seen, "lift it", parts(Watched()))
+        assert (one.after.extents > SIZE - 4e-3).all()
 
 
 def test_a_run_passes_the_branchs_options(registry, compose_run, tmp_path):
@@ -104,9 +130,18 @@ def test_a_run_passes_the_branchs_options(registry, compose_run, tmp_path):
     ):
         cameras = ("robot.image_size=96", "robot.cameras=[front,left_shoulder]")
         config = compose_run(*QUICK, *cameras, "memory=none", "reconstructor=hull", *overrides)
-        records = run_episodes(config, registry, tmp_path / name)
-        extents.append(np.array([each.extents for each in records[0].scene.objects]))
-    assert (extents[1] < extents[0] - 5e-3).all(axis=1).any()
+        (record,) = run_episodes(config, registry, tmp_path / name)
+        extents.append(np.array([each.after.extents for each in record.refined]))
+        assert all(each.true is not None for each in record.refined)
+        kept = json.loads((tmp_path / name / "result.json").read_text())["refined"]
+        assert [each["after"] for each in kept] == extents[-1].tolist()
+    assert (extents[1] < extents[0] - 5e-3).any()
+
+
+@pytest.mark.parametrize("unused", ["fusion=blend", "axis.iterations=3", "prior=depth", "branch.tau=.3"])
+def test_options_that_no_reconstructor_uses_are_refused(registry, compose_run, unused):
+    with pytest.raises(ConfigurationError, match="without a reconstructor nothing uses this"):
+        build_components(config := compose_run(*QUICK, unused), registry, branch=config.branch)
 
 
 def test_the_objects_of_interest_are_those_that_are_named():

@@ -43,8 +43,8 @@ def test_means_and_changes():
     assert sheet.runs == (7,)
     assert lines(sheet, 0, "CD surface ×10³ ↓") == ("15.50 ± 0.71",)
     change = 100 * ((20.5 * 0.9 + 10.5 * 1.02) / 31 - 1)
-    assert lines(sheet, 1, "CD surface ×10³ ↓")[1:] == (f"{change:+.2f} %",)
-    assert lines(sheet, 1, "PSNR dB ↑") == ("20.00 ± 0.00", "+0.00 %")
+    assert lines(sheet, 1, "CD surface ×10³ ↓")[1:] == (f"{change:+.2f} %", "could show 102.67 %")
+    assert lines(sheet, 1, "PSNR dB ↑") == ("20.00 ± 0.00", "+0.00 %", "could show 0.00 %")
     assert lines(sheet, 1, "SSIM ↑") == ("not measured",)
     assert lines(sheet, 1, "seconds ↓") == ("1.00 ± 0.00",), "seconds are not compared"
 
@@ -56,8 +56,29 @@ def test_an_interval_needs_five_objects_and_colours_only_a_sure_change():
         for c in cells()[:4]
     ]
     fused = comparison_sheets(made, RECONSTRUCTION)[0].rows[1].cells[0]
-    assert fused.lines[1] == "-10.00 % [-10.00, -10.00]"
+    assert fused.lines[1:] == ("-10.00 % [-10.00, -10.00]", "could show 0.00 %"), "all objects change alike"
     assert fused.tone == "better"
+
+
+def test_agents_tables_show_what_their_tasks_could_have_shown():
+    def row(memory: str, solved: int, tasks: int = 12) -> list[Cell]:
+        made = []
+        for task in range(tasks):
+            factors, done = {"memory": memory, "task": f"t{task}", "seed": 0}, 100.0 * (task < solved)
+            made.append(Cell(f"{memory}{task}", factors, {"solved": done}, {"status": "ok"}, 1))
+        return made
+
+    def shown(*rows: list[Cell]) -> list[tuple[str, tuple[str, ...]]]:
+        (sheet,) = comparison_sheets([cell for some in rows for cell in some], AGENTS)
+        return [(line.label, line.cells[0].lines) for line in sheet.rows]
+
+    (_, none), (awm, same), (bank, more) = shown(row("off", 0), row("awm", 0), row("governed", 8))
+    assert none == ("0.0",)
+    assert (awm, same[1:]) == ("AWM (saturated)", ("+0.00 points [+0.00, +0.00]", "could show 50 points"))
+    assert (bank, *more) == (
+        "KnowledgeBank", "66.7", "+66.67 points [+41.67, +91.67]", "could show 66 points",
+    )  # fmt: skip
+    assert shown(row("off", 1, 4), row("governed", 2, 4))[1][1][-1] == "too few pairs to show any"
 
 
 def test_groups_are_tables_of_their_own_and_failures_are_counted():

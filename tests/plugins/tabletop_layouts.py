@@ -1,10 +1,10 @@
-"""Tabletop tasks built and laid out by name, on the table of the simulated Panda."""
+"""Tabletop tasks built and laid out by name, on the table of the simulated Panda; bodies that ask for nothing."""
 
 from typing import Any
 
 import numpy as np
 
-from gvla2.robot.task import Task, TaskInstance, TaskSite
+from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
 from gvla2_plugins.tabletop import gvla2_tasks
 
 TABLE = 0.752
@@ -27,3 +27,17 @@ def task(name: str, **options: Any) -> Task:
 
 def sample(name: str, seed: int, instruction: str | None = None, **options: Any) -> TaskInstance:
     return task(name, **options).sample(np.random.default_rng(seed), site(), instruction)
+
+
+class Laid:
+    """A task of these bodies, whose goal is never reached."""
+
+    instructions = ("-",) * 4
+
+    def __init__(self, *bodies: Body, **more: Any) -> None:
+        self.layout = Layout(bodies, **more)
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        return TaskInstance("-", self.layout, {p: lambda world: False for p in ("relaxed", "strict")})

@@ -9,7 +9,7 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import relative_steps, waypoints_program
 from gvla2.skills.carry_out import carry_out
-from gvla2.testing import check_component, check_planner
+from gvla2.testing import check_planner
 from gvla2_plugins.agent3d import Agent3dConfig, gvla2_planners
 from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
@@ -25,8 +25,6 @@ planner, planned = SCRIPTED.at, SCRIPTED.planned
 
 
 def test_it_is_a_planner_as_any_other():
-    (component,) = gvla2_planners()
-    check_component(component)
     with LocalModel(lambda _: said(LIFT)) as model:
         check_planner(planner(model))
 
@@ -105,11 +103,16 @@ def test_remembered_paths_come_with_the_names_of_now():
     )
     with LocalModel(lambda _: said(LIFT)) as model:
         planner(model, programs=2).plan(asked)
-        planner(model, programs=0).plan(asked)
+        planner(model, programs=0).plan(replace(asked, rejections=("The red cube is too far.",)))
         with_memory, without = ("\n".join(m["content"] for m in r["messages"]) for r in model.requests[:2])
     assert with_memory.count("Task: raise the cube") == 2
     assert '["blue_cube", 0, 0, -23, 0]'.replace(" ", "") in with_memory
     assert "raise the cube" not in without
+    assert without.endswith(
+        "An earlier plan was rejected: The red_cube is too far.\n"
+        "Objects (name, length x width x height in mm):\nred_cube 52x52x52\nblue_cube 47x47x47\n"
+        "Task: lift the blue cube"
+    )
 
 
 def path_of_skill(call, asked):

@@ -13,9 +13,7 @@ from gvla2.geometry.views import Views
 from gvla2.perception.registration import agreed
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
-from tests.benchmarks import perception as bench
-
-WORKSPACE, TABLE_TOP = bench.WORKSPACE, bench.TABLE_TOP
+from tests.plugins.rendered_table import TABLE_TOP, WORKSPACE, put, render
 
 
 def speckled(mesh: trimesh.Trimesh, at, seed=0, longest=0.008) -> Surface:
@@ -27,7 +25,7 @@ def speckled(mesh: trimesh.Trimesh, at, seed=0, longest=0.008) -> Surface:
 
 
 def perceive(surfaces, observation=None):
-    observation = observation or bench.render([], robot=surfaces)
+    observation = observation or render([], robot=surfaces)
     return ClassicalPerceiver(ClassicalConfig()).perceive(observation, "", WORKSPACE)
 
 
@@ -82,10 +80,10 @@ def _spread(views, clear) -> float:
 
 @pytest.fixture(scope="module")
 def three():
-    return bench.render([
-        bench.put("box", (0.06,) * 3, (0.2, -0.2), 0.4, "red", ("cube",)),
-        bench.put("box", (0.12, 0.07, 0.09), (0.35, 0.1), -0.9, "blue", ("box",)),
-        bench.put("box", (0.05, 0.05, 0.10), (0.1, 0.2), 1.1, "lime", ("box",)),
+    return render([
+        put("box", (0.06,) * 3, (0.2, -0.2), 0.4, "red", ("cube",)),
+        put("box", (0.12, 0.07, 0.09), (0.35, 0.1), -0.9, "blue", ("box",)),
+        put("box", (0.05, 0.05, 0.10), (0.1, 0.2), 1.1, "lime", ("box",)),
     ])  # fmt: skip
 
 
@@ -105,10 +103,10 @@ def test_objects_are_found_by_cameras_that_err(three):
 @pytest.mark.parametrize("height", [0.003, 0.0045])
 def test_a_thin_board_is_one_object_as_large_as_it_is(height: float):
     """About the least height that counts noise puts each pixel on either side of it."""
-    board = bench.put("box", (0.2, 0.15, height), (0.3, -0.1), 0.3, "green")
-    cube = bench.put("box", (0.05, 0.05, 0.05), (0.32, -0.11), 0.7, "red", bottom=height)
-    coaster = bench.put("cylinder", (0.1, 0.1, height), (0.3, 0.2), 0.0, "blue")
-    scene = perceive((), bench.render([board, cube, coaster], noise=0.001, robot=[]))
+    board = put("box", (0.2, 0.15, height), (0.3, -0.1), 0.3, "green")
+    cube = put("box", (0.05, 0.05, 0.05), (0.32, -0.11), 0.7, "red", bottom=height)
+    coaster = put("cylinder", (0.1, 0.1, height), (0.3, 0.2), 0.0, "blue")
+    scene = perceive((), render([board, cube, coaster], noise=0.001, robot=[]))
     assert sorted(o.colour for o in scene.objects) == ["blue", "green", "red"]
     for truth in (board, cube, coaster):
         found = next(o for o in scene.objects if o.colour == truth.colour)
@@ -126,8 +124,8 @@ def test_solids_in_the_same_space_are_one_object_of_two_colours():
     rgb = np.where((near_sides >= 2)[:, None], (0.05, 0.05, 0.05), (0.8, 0.1, 0.1))
     place = rigid([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]], (0.3, 0.0, TABLE_TOP + 0.03))
     surface = Surface(trimesh.transform_points(mesh.vertices, place), np.asarray(mesh.faces), rgb, 7)
-    beside = bench.put("box", (0.05, 0.05, 0.05), (0.3, 0.25), 0.2, "blue")
-    scene = perceive((), bench.render([beside], robot=[surface], noise=0.0005))
+    beside = put("box", (0.05, 0.05, 0.05), (0.3, 0.25), 0.2, "blue")
+    scene = perceive((), render([beside], robot=[surface], noise=0.0005))
     assert len(scene.objects) == 2
     found = next(o for o in scene.objects if o.colour != "blue")
     assert np.linalg.norm(found.centre - place[:3, 3]) < 0.003

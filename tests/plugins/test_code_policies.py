@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import calls_program
-from gvla2.testing import check_component, check_planner
+from gvla2.testing import check_planner
 from gvla2_plugins.code_policies import CodePoliciesConfig, gvla2_planners
 from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
@@ -20,8 +20,6 @@ planner, planned = SCRIPTED.at, SCRIPTED.planned
 
 
 def test_it_is_a_planner_as_any_other():
-    (component,) = gvla2_planners()
-    check_component(component)
     with LocalModel(lambda _: said("pick(red_cube)")) as model:
         check_planner(planner(model))
 
@@ -75,7 +73,12 @@ def test_remembered_programs_come_with_the_names_of_now():
     asked = replace(REQUEST, advice=Advice("", (), (program,) * 3), instruction="lift the blue cube")
     with LocalModel(lambda _: said("pick(blue_cube)")) as model:
         planner(model).plan(asked)
-        planner(model, programs=0).plan(asked)
+        planner(model, programs=0).plan(replace(asked, rejections=("The red cube is too far.",)))
         with_memory, without = (r["messages"][1]["content"] for r in model.requests)
     assert with_memory.count("- raise the cube: pick(blue_cube) succeeded") == 2
     assert "<memory>" not in without
+    assert without.endswith(
+        "\n\nAn earlier plan was rejected: The red_cube is too far.\n\nObjects:\n"
+        "red_cube 52x52x52 at 300,-80 (right)\nblue_cube 47x47x47 at 340,120 (left)\n"
+        "Task: lift the blue cube\nProgram:"
+    )

@@ -7,7 +7,6 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
-from gvla2.testing.reconstruction import check_prior
 from gvla2_plugins.depth_prior import DepthPriorConfig, gvla2_geometry_priors
 
 
@@ -28,10 +27,6 @@ def square() -> np.ndarray:
     depth = np.full((20, 24), np.nan)
     depth[5:15, 6:18] = 2.0
     return depth
-
-
-def test_it_keeps_the_contract():
-    check_prior(build())
 
 
 def test_it_hands_on_the_measured_depth():

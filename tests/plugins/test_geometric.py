@@ -13,50 +13,34 @@ from gvla2.geometry.transform import rigid
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.findings import CheckReport, Finding
-from gvla2.planning.scene import Box, KnownShape, PartJoint, Scene, SceneObject
+from gvla2.planning.scene import KnownShape, PartJoint, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.report import ExecutionReport, WaypointReport
-from gvla2.testing import check_component
+from gvla2.robot.report import ExecutionReport
 from gvla2_plugins.geometric import GeometricConfig, gvla2_verifiers
-
-TABLE = 0.75
-RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2), "white": (0.9, 0.9, 0.9)}
+from tests.objects import TABLE, renamed, reported, scene, scene_object
 
 
 def obj(
-    id_: str, x: float, y: float, z: float | None = None, *, colour: str = "red", shape: Any = "box",
-    size: Sequence[float] = (0.05, 0.05, 0.05), parent: str = "", yaw: float = 0.0, confidence: float = 1.0,
+    id_: str, x: float, y: float, z: float = TABLE, *, size: Sequence[float] = (0.05, 0.05, 0.05), yaw: float = 0.0,
+    **more: Any,
 ) -> SceneObject:  # fmt: skip
-    """An object whose underside is at height ``z``, the table's by default."""
-    low = TABLE if z is None else z
-    pose = rigid(Rotation.from_euler("z", yaw).as_matrix(), (x, y, low + size[2] / 2))
-    return SceneObject(id_, f"{colour} {shape}", shape, colour, pose, np.asarray(size), np.zeros((0, 3)),
-                       np.array(RGB[colour]), parent, confidence)  # fmt: skip
-
-
-def scene(*objects: SceneObject) -> Scene:
-    return Scene(objects, TABLE, Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0])), "test")
-
-
-def carried_out(waypoints: Sequence[Waypoint], **last: Any) -> ExecutionReport:
-    """Every waypoint reached to the millimetre; ``last`` changes the last report."""
-    reports = [WaypointReport(i, w.stage, w.xyz, w.xyz, 0.001, 0.05, None) for i, w in enumerate(waypoints)]
-    reports[-1] = replace(reports[-1], **last)
-    return ExecutionReport(tuple(reports), 5.0)
+    """An object whose underside is at height ``z``."""
+    turn = Rotation.from_euler("z", yaw).as_matrix()
+    return scene_object(id_, (x, y, z - TABLE + size[2] / 2), size, turn=turn, **more)
 
 
 def evidence(
     before: Scene, after: Scene | None, skill: str, roles: dict[str, str], waypoints: Sequence[Waypoint],
     *, parameters: dict[str, float] | None = None, width: float = 0.0, last: dict[str, Any] | None = None,
-    checks: CheckReport | None = None, **plan: Any,
 ) -> RobotEvidence:  # fmt: skip
+    """Every waypoint reached to the millimetre; ``last`` changes the last report."""
     return RobotEvidence(
         instruction="do it",
         before=before,
         after=after,
-        plan=Plan(Trajectory(tuple(waypoints)), skill, roles, parameters or {}, **plan),
-        checks=checks or CheckReport(),
-        report=carried_out(waypoints, **(last or {})),
+        plan=Plan(Trajectory(tuple(waypoints)), skill, roles, parameters or {}),
+        checks=CheckReport(),
+        report=reported(waypoints, {len(waypoints) - 1: last or {}}),
         gripper_width=width,
     )
 
@@ -79,7 +63,7 @@ def pick(after: Scene | None, width: float, **changes: Any) -> Verdict:
     return judge(evidence(BEFORE, after, "pick", {"theme": "a"}, PICK, width=width, **changes))
 
 
-def moved(scene_: Scene, id_: str, x: float, y: float, z: float | None = None, **looks: Any) -> Scene:
+def moved(scene_: Scene, id_: str, x: float, y: float, z: float = TABLE, **looks: Any) -> Scene:
     old = scene_[id_]
     fresh = obj(id_, x, y, z, colour=old.colour, shape=old.shape, size=tuple(old.extents), **looks)
     return scene_.with_object(fresh)
@@ -87,13 +71,6 @@ def moved(scene_: Scene, id_: str, x: float, y: float, z: float | None = None, *
 
 def without(scene_: Scene, id_: str) -> Scene:
     return replace(scene_, objects=tuple(o for o in scene_.objects if o.id != id_))
-
-
-def renamed(scene_: Scene) -> Scene:
-    """Other ids in another order, as a second perception gives."""
-    return replace(
-        scene_, objects=tuple(replace(o, id=f"new{i}") for i, o in enumerate(reversed(scene_.objects)))
-    )
 
 
 def test_pick_done_whatever_the_second_perception_calls_objects() -> None:
@@ -271,13 +248,13 @@ PLACE = (
 @pytest.mark.parametrize(
     ("x", "z", "held", "outcome"),
     [
-        (0.5, None, False, "verified_success"),
-        (0.3, None, False, "verified_fail"),
+        (0.5, TABLE, False, "verified_success"),
+        (0.3, TABLE, False, "verified_fail"),
         (0.5, TABLE + 0.2, False, "uncertain"),  # over the goal, not on it
-        (0.5, None, True, "verified_fail"),
+        (0.5, TABLE, True, "verified_fail"),
     ],
 )
-def test_place(x: float, z: float | None, held: bool, outcome: str) -> None:
+def test_place(x: float, z: float, held: bool, outcome: str) -> None:
     shown = evidence(PUSHED, moved(PUSHED, "a", x, 0.2, z), "place", {"theme": "a", "goal": "goal"}, PLACE,
                      width=0.08, last={"held": held})  # fmt: skip
     assert judge(shown).outcome == outcome
@@ -320,7 +297,7 @@ def test_nothing_executed_is_uncertain() -> None:
     for never in (
         replace(shown, plan=abstained, report=ExecutionReport()),
         replace(shown, checks=rejected, report=ExecutionReport()),
-        replace(shown, report=carried_out(PICK[:1], abort="not_started")),
+        replace(shown, report=reported(PICK[:1], {0: {"abort": "not_started"}})),
     ):
         verdict = judge(never)
         assert (verdict.outcome, verdict.confidence) == ("uncertain", 0.0)
@@ -339,11 +316,6 @@ def test_roles_that_name_nothing_are_unknown() -> None:
             judge(evidence(BEFORE, BEFORE, skill, {"theme": "ghost"}, PICK, width=0.05)).outcome
             == "uncertain"
         )
-
-
-def test_conformance() -> None:
-    (component,) = gvla2_verifiers()
-    check_component(component, "verifier")
 
 
 @pytest.mark.parametrize(("came", "outcome"), [(1.9, "verified_success"), (0.2, "uncertain")])

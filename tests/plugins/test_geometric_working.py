@@ -2,81 +2,41 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from gvla2.episode.evidence import RobotEvidence
-from gvla2.geometry.transform import rigid
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2_plugins.geometric import GeometricConfig
 from gvla2_plugins.geometric.verifier import GeometricVerifier
+from tests.objects import TABLE, box, move, renamed, reported, scene, scene_object
 
-TABLE = 0.75
-RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2), "gray": (0.5, 0.5, 0.5)}
 DONE, MISSED, UNKNOWN = "verified_success", "verified_fail", "uncertain"
-
-
-def obj(
-    id_: str, xyz: Sequence[float], size: Sequence[float], colour: str = "red", shape: Any = "box", *,
-    turn: Any = None, parent: str = "", opening: float = 0.0, points: Any = None,
-) -> SceneObject:  # fmt: skip
-    """``xyz`` is the middle, its height above the table."""
-    pose = rigid(np.eye(3) if turn is None else turn, (xyz[0], xyz[1], TABLE + xyz[2]))
-    seen = np.zeros((0, 3)) if points is None else np.asarray(points)
-    return SceneObject(id_, f"{colour} {shape}", shape, colour, pose, np.asarray(size, dtype=float), seen,
-                       np.array(RGB[colour]), parent, opening=opening)  # fmt: skip
 
 
 def judge(
     before: Sequence[SceneObject], after: Sequence[SceneObject] | None, skill: str, roles: dict[str, str],
     waypoints: Sequence[Waypoint], *, width: float = 0.08, held: bool = False, instruction: str = "do it",
 ) -> Verdict:  # fmt: skip
-    """Every waypoint was reached; ``width`` and ``held`` are the hand's own measurements at the end."""
-    space = Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0]))
-    reports = [WaypointReport(i, w.stage, w.xyz, w.xyz, 0.001, width, held) for i, w in enumerate(waypoints)]
-    renamed = (
-        [replace(o, id=f"new{i}", parent="") for i, o in enumerate(reversed(after))]
-        if after is not None
-        else []
-    )
+    """``width`` and ``held`` are the hand's own measurements at the end."""
     shown = RobotEvidence(
         instruction=instruction,
-        before=Scene(tuple(before), TABLE, space),
-        after=None if after is None else Scene(tuple(renamed), TABLE, space),
+        before=scene(*before),
+        after=None if after is None else renamed(scene(*after)),
         plan=Plan(Trajectory(tuple(waypoints)), skill, roles),
         checks=CheckReport(),
-        report=ExecutionReport(tuple(reports), 5.0),
+        report=reported(waypoints, width=width, held=held),
         gripper_width=width,
     )
     return GeometricVerifier(GeometricConfig(name="geometric")).verify(shown)
 
 
-def move(stage: str, xyz: Sequence[float], *, gripper: float = 1.0, carries: str = "") -> Waypoint:
-    x, y, z = (float(v) for v in xyz)
-    return Waypoint((x, y, TABLE + z), gripper, stage, carries=carries)
-
-
 ANY = (move("approach", (0.3, 0, 0.3)), move("retreat", (0.3, 0, 0.4)))
-
-
-def box(
-    angle: float, *, shade: str = "blue", opening: float | None = None
-) -> tuple[SceneObject, SceneObject]:
-    """A box whose lid, hinged at +x, is open by ``angle``."""
-    turn = Rotation.from_euler("y", angle).as_matrix()
-    hinge = np.array([0.425, 0.0, 0.155])
-    inside = (0.23 if angle > 0.2 else 0.0) if opening is None else opening
-    body = obj("b", (0.3, 0, 0.075), (0.25, 0.35, 0.15), opening=inside)
-    lid = obj("l", hinge - 0.134 * turn[:, 0], (0.268, 0.35, 0.01), shade, "plate", turn=turn, parent="b")
-    return body, lid
 
 
 @pytest.mark.parametrize("role", ["b", "l"])
@@ -100,7 +60,7 @@ def test_close(angle: float, outcome: str) -> None:
 
 def test_a_lid_that_lies_beside_its_box_did_not_close_it() -> None:
     body, _ = box(2.0)
-    aside = obj("l", (0.3, 0.5, 0.005), (0.268, 0.35, 0.01), "blue", "plate")
+    aside = scene_object("l", (0.3, 0.5, 0.005), (0.268, 0.35, 0.01), "blue", "plate")
     assert judge(box(2.0), [body, aside], "close", {"theme": "l"}, ANY).outcome == MISSED
 
 
@@ -120,9 +80,9 @@ PULL = (
 
 
 def drawer(out: float, aside: float = 0.0) -> tuple[SceneObject, ...]:
-    cabinet = obj("c", (0.32, 0, 0.08), (0.24, 0.28, 0.16), "red")
-    front = obj("d", (0.20 - out, aside, 0.08), (0.012, 0.25, 0.125), "blue", parent="c")
-    handle = obj("h", (0.17 - out, aside, 0.12), (0.045, 0.11, 0.012), "gray", "bar", parent="d")
+    cabinet = scene_object("c", (0.32, 0, 0.08), (0.24, 0.28, 0.16), "red")
+    front = scene_object("d", (0.20 - out, aside, 0.08), (0.012, 0.25, 0.125), "blue", parent="c")
+    handle = scene_object("h", (0.17 - out, aside, 0.12), (0.045, 0.11, 0.012), "gray", "bar", parent="d")
     return cabinet, front, handle
 
 
@@ -149,11 +109,11 @@ TWIST = (
     move("turn", (0.3, 0, 0.28), gripper=0.0),
     move("lift", (0.3, 0, 0.40), gripper=0.0, carries="k"),
 )
-BOTTLE = obj("f", (0.3, 0, 0.14), (0.07, 0.07, 0.28), "green", "cylinder")
+BOTTLE = scene_object("f", (0.3, 0, 0.14), (0.07, 0.07, 0.28), "green", "cylinder")
 
 
 def cap(xyz: Sequence[float]) -> SceneObject:
-    return obj("k", xyz, (0.028, 0.028, 0.01), "red", "disc", parent="f")
+    return scene_object("k", xyz, (0.028, 0.028, 0.01), "red", "disc", parent="f")
 
 
 @pytest.mark.parametrize(
@@ -174,13 +134,15 @@ def test_twist(at: Sequence[float], width: float, outcome: str) -> None:
 def test_a_cap_out_of_sight_is_in_the_hand_or_unknown() -> None:
     before, roles = [BOTTLE, cap((0.3, 0, 0.285))], {"theme": "k"}
     assert judge(before, [BOTTLE], "twist", roles, TWIST, width=0.026, held=True).outcome == DONE
-    taller = obj("f", (0.3, 0, 0.147), (0.07, 0.07, 0.294), "green", "cylinder")  # seen as one with its cap
+    taller = scene_object(
+        "f", (0.3, 0, 0.147), (0.07, 0.07, 0.294), "green", "cylinder"
+    )  # seen as one with its cap
     assert judge(before, [taller], "twist", roles, TWIST, width=0.026, held=True).outcome != DONE
     assert judge(before, [], "twist", roles, TWIST, width=0.026, held=True).outcome == UNKNOWN
 
 
 def test_a_cap_with_a_goal_belongs_there() -> None:
-    square = obj("s", (0.5, 0.2, 0.0), (0.1, 0.1, 0.001), "blue", "region")
+    square = scene_object("s", (0.5, 0.2, 0.0), (0.1, 0.1, 0.001), "blue", "region")
     put = (
         *TWIST,
         move("place", (0.5, 0.2, 0.02), gripper=0.0, carries="k"),
@@ -204,8 +166,8 @@ def test_a_cap_with_a_goal_belongs_there() -> None:
 )
 def test_insert(at: Sequence[float], held: bool, outcome: str) -> None:
     def seen(xyz: Sequence[float]) -> list[SceneObject]:
-        post = obj("p", (0.4, 0.1, 0.06), (0.025, 0.025, 0.12), "blue")
-        return [post, obj("r", xyz, (0.05, 0.05, 0.01), "red", "ring", opening=0.03)]
+        post = scene_object("p", (0.4, 0.1, 0.06), (0.025, 0.025, 0.12), "blue")
+        return [post, scene_object("r", xyz, (0.05, 0.05, 0.01), "red", "ring", opening=0.03)]
 
     put = (
         move("insert", (0.4, 0.1, 0.1), carries="r", gripper=0.0),
@@ -219,8 +181,8 @@ def test_insert(at: Sequence[float], held: bool, outcome: str) -> None:
 def test_drawing_out_without_a_goal_is_judged_by_the_way(out: float, outcome: str) -> None:
     def bricks(x: float) -> list[SceneObject]:
         return [
-            obj("t", (0.4, 0, 0.1), (0.1, 0.1, 0.2), "gray"),
-            obj("a", (x, 0, 0.1), (0.2, 0.06, 0.03)),
+            scene_object("t", (0.4, 0, 0.1), (0.1, 0.1, 0.2), "gray"),
+            scene_object("a", (x, 0, 0.1), (0.2, 0.06, 0.03)),
         ]
 
     pull = (
@@ -241,7 +203,7 @@ def heap(x: float, y: float, height: float, half: float = 0.08) -> np.ndarray:
 
 def tray(id_: str, x: float, colour: str, inside: Sequence[np.ndarray] = ()) -> SceneObject:
     points = np.vstack([heap(x, 0.3, 0.006), *inside])
-    return obj(id_, (x, 0.3, 0.025), (0.17, 0.17, 0.05), colour, opening=0.155, points=points)
+    return scene_object(id_, (x, 0.3, 0.025), (0.17, 0.17, 0.05), colour, opening=0.155, points=points)
 
 
 SORT = tuple(
@@ -254,8 +216,8 @@ SORT = tuple(
     )
 )
 LOOSE = (
-    obj("m", (0.3, -0.2, 0.02), (0.04, 0.04, 0.04), "red"),
-    obj("n", (0.4, -0.2, 0.02), (0.04, 0.04, 0.04), "blue"),
+    scene_object("m", (0.3, -0.2, 0.02), (0.04, 0.04, 0.04), "red"),
+    scene_object("n", (0.4, -0.2, 0.02), (0.04, 0.04, 0.04), "blue"),
 )
 ROLES = {"theme": "n", "goal": "v", "theme_1": "m", "theme_2": "n"}
 
@@ -268,8 +230,8 @@ def sort(after: Sequence[SceneObject], roles: dict[str, str] | None = None) -> s
 def test_sorting_needs_every_object_in_its_own_container() -> None:
     trays = [tray("u", 0.1, "red"), tray("v", 0.5, "blue")]
     m, n = (
-        obj("m", (0.1, 0.3, 0.03), (0.04,) * 3, "red"),
-        obj("n", (0.5, 0.3, 0.03), (0.04,) * 3, "blue"),
+        scene_object("m", (0.1, 0.3, 0.03), (0.04,) * 3, "red"),
+        scene_object("n", (0.5, 0.3, 0.03), (0.04,) * 3, "blue"),
     )
     assert sort([*trays, m, n]) == DONE
     assert sort([*trays, m, n], {**ROLES, "goal_1": "u", "goal_2": "v"}) == DONE
@@ -295,8 +257,8 @@ def test_an_object_in_a_container_of_its_own_colour_is_judged_by_the_heap() -> N
 @pytest.mark.parametrize(("rise", "outcome"), [(0.24, DONE), (0.08, UNKNOWN), (0.0, UNKNOWN)])
 def test_what_stood_in_something_is_taken_when_it_is_out_of_it(rise: float, outcome: str) -> None:
     def seen(up: float) -> list[SceneObject]:
-        stand = obj("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
-        return [stand, obj("u", (0.3, 0, 0.16 + up), (0.04, 0.04, 0.28), "green", "cylinder")]
+        stand = scene_object("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
+        return [stand, scene_object("u", (0.3, 0, 0.16 + up), (0.04, 0.04, 0.28), "green", "cylinder")]
 
     lift = (
         move("close", (0.3, 0, 0.25), gripper=0.0),
@@ -309,9 +271,9 @@ def test_what_stood_in_something_is_taken_when_it_is_out_of_it(rise: float, outc
 @pytest.mark.parametrize(("rise", "outcome"), [(0.24, DONE), (0.0, UNKNOWN)])
 def test_an_object_that_seems_to_have_grown_is_judged_by_its_top(rise: float, outcome: str) -> None:
     """Its lower end was hidden in the stand, and perception guesses that it still reaches down there."""
-    stand = obj("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
-    before = [stand, obj("u", (0.3, 0, 0.16), (0.04, 0.04, 0.28), "green", "cylinder")]
-    grown = obj("u", (0.3, 0, 0.16 + 0.5 * rise), (0.04, 0.04, 0.28 + rise), "green", "cylinder")
+    stand = scene_object("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
+    before = [stand, scene_object("u", (0.3, 0, 0.16), (0.04, 0.04, 0.28), "green", "cylinder")]
+    grown = scene_object("u", (0.3, 0, 0.16 + 0.5 * rise), (0.04, 0.04, 0.28 + rise), "green", "cylinder")
     lift = (
         move("close", (0.3, 0, 0.25), gripper=0.0),
         move("lift", (0.3, 0, 0.25 + rise), gripper=0.0, carries="u"),
@@ -335,7 +297,7 @@ def test_an_object_that_seems_to_have_grown_is_judged_by_its_top(rise: float, ou
     ],
 )
 def test_an_object_of_another_colour_than_was_said_is_doubtful(instruction: str, outcome: str) -> None:
-    other = obj("g", (0.5, 0.2, 0.14), (0.07, 0.07, 0.28), "blue", "cylinder")
+    other = scene_object("g", (0.5, 0.2, 0.14), (0.07, 0.07, 0.28), "blue", "cylinder")
     before, after = [BOTTLE, other, cap((0.3, 0, 0.285))], [BOTTLE, other, cap((0.3, 0, 0.41))]
     verdict = judge(
         before, after, "twist", {"theme": "k"}, TWIST, width=0.026, held=True, instruction=instruction

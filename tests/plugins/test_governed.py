@@ -11,9 +11,7 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.induction import RulesInducer
 from gvla2.memory.late import LateMemory
-from gvla2.testing import check_component
 from gvla2_plugins import embedders, governed, hybrid
 
 TASK = MemoryTask("Pick up the red cube", {"objects": 3.0}, "pick")
@@ -145,16 +143,3 @@ def test_values_that_cannot_be_are_errors_at_once() -> None:
         build(retrieval="psychic")
     with pytest.raises(ConfigurationError, match="active_budget"):
         build(active_budget=-1)
-
-
-def test_conformance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("GVLA2_HOME", str(tmp_path))
-    parts = {}
-    for kind, (component,) in (
-        ("retriever", hybrid.gvla2_retrievers()[:1]),
-        ("embedder", [e for e in embedders.gvla2_embedders() if e.name == "static"]),
-    ):
-        check_component(component, kind)
-        parts[kind] = component.build(component.config(name=component.name))
-    (memory,) = governed.gvla2_memories()
-    check_component(memory, "memory", verifier=Unavailable(), inducer=RulesInducer(), judge=None, **parts)

@@ -10,7 +10,6 @@ import pytest
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import Inducer, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.induction import RulesInducer
-from gvla2.testing import check_component
 from gvla2.testing.memory import check_inducer
 from gvla2_plugins import inducers
 from gvla2_plugins.inducers import read_lessons
@@ -50,9 +49,6 @@ def language(url: str, **options: Any) -> Inducer:
 
 
 def test_conformance() -> None:
-    rules, llm = inducers.gvla2_inducers()
-    check_component(rules, "inducer")
-    check_component(llm)
     with server(LESSONS) as model:
         check_inducer(language(model.url))
     check_inducer(language("http://127.0.0.1:9/v1", timeout=1.0))

@@ -7,20 +7,13 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import LessonPair
-from gvla2.testing import check_component
 from gvla2.testing.memory import check_judge
-from gvla2_plugins.judges import LlmJudge, LlmJudgeConfig, gvla2_judges
+from gvla2_plugins.judges import LlmJudge, LlmJudgeConfig
 from tests.local_model import LocalModel, Reply, said
 
 AGAINST = LessonPair("Lift the cup 15 cm.", "Lift the cup 5 cm.", "lift the cup", "lift the cup")
 FITTING = LessonPair("Lift the cup 15 cm.", "Lift the cup 150 mm.", "lift the cup", "lift the cup")
 GERMAN = LessonPair("Hebe die Tasse nicht an.", "Hebe die Tasse an.")
-
-
-def test_it_is_offered_and_conforms() -> None:
-    (model,) = gvla2_judges()
-    check_component(model)
-    assert model.name == "llm"
 
 
 def graded(letter: str, odds: dict[str, float] | None = None) -> dict[str, Any]:

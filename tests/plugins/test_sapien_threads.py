@@ -6,24 +6,14 @@ import pytest
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, Thread
+from gvla2.robot.task import Body, Primitive, Thread
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
+from tests.plugins.tabletop_layouts import Laid
 
 TABLE_HEIGHT = SapienPandaConfig().table_height
 
 UP = np.array([0.0, 0.0, 1.0])
 GREEN, GREY = (0.0, 0.5, 0.0), (0.5, 0.5, 0.5)
-
-
-class Laid:
-    instructions = ("a", "b", "c", "d")
-
-    def __init__(self, *bodies: Body, joints=(), threads=()):
-        self.layout = Layout(bodies, joints, threads=threads)
-
-    def sample(self, rng, site, instruction=None):
-        never = {"relaxed": lambda world: False, "strict": lambda world: False}
-        return TaskInstance("-", self.layout, never)
 
 
 @pytest.fixture(scope="module")

@@ -12,18 +12,25 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid, transform_points
-from gvla2.planning.checks_motion import part_fits
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Ban, Bound, Prior
-from gvla2.planning.part_hierarchy import assembled, rise, way_out
-from gvla2.planning.relations import on_something_unseen
-from gvla2.planning.trajectory import grasp_rotation
 from gvla2.skills.mechanisms import hinge_for, slide_for, stuck
-from gvla2.testing.planning import check_planner
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.planner import SkillPlanner
-from tests.skills.scenes import ARM, TABLE, asked, at, named, request
+from tests.skills.scenes import (
+    ARM,
+    PATCH,
+    TABLE,
+    asked,
+    at,
+    box,
+    drawer,
+    jar,
+    named,
+    request,
+    stuck_brick,
+)
 
 HAND = ARM.hand
 BACK = np.array([1.0, 0.0, 0.0])
@@ -54,10 +61,6 @@ def refusal(made: Plan) -> str:
     return made.abstention.kind
 
 
-def test_it_passes_the_conformance_checks():
-    check_planner(SkillPlanner(SkillConfig()))
-
-
 # Pick and place
 
 
@@ -81,13 +84,6 @@ def test_pick_prefers_the_narrow_side_and_obeys_amounts():
     assert abs(closing @ bar.world_from_object[:3, 1]) == pytest.approx(1.0)
 
 
-def test_the_fingertips_never_reach_the_table():
-    flat = named("a", "red plate", "plate", (0.35, 0.05, 0.004), (0.1, 0.05, 0.008))
-    made = plan("pick up the plate", flat, effects=[Bound("grasp_depth", 0.05, ">=", skill="pick")])
-    for waypoint in made.trajectory:
-        assert waypoint.xyz[2] - HAND.tip_beyond_tcp >= TABLE + 0.004 - 1e-9
-
-
 def test_place_carries_over_and_lets_go_on_the_goal():
     made = plan("put the red cube on the tray")
     assert [w.stage for w in made.trajectory] == [
@@ -96,7 +92,6 @@ def test_place_carries_over_and_lets_go_on_the_goal():
     hangs = at(made, "grasp")[2] - RED.bottom
     np.testing.assert_allclose(at(made, "place")[:2], TRAY.centre[:2], atol=1e-9)
     assert at(made, "place")[2] - hangs == pytest.approx(TRAY.top + made.parameters["place_height"])
-    assert at(plan("put the red cube to the left of the blue cube"), "place")[1] > BLUE.centre[1] + 0.05
 
 
 def tube(width, low, high, xy=(0.35, 0.1)) -> np.ndarray:
@@ -112,6 +107,7 @@ def test_sides_are_those_of_who_faces_the_robot_and_a_goal_has_sides():
     seen = replace(seen, instruction="put the red cube to the left of the blue cube")
     facing = replace(seen, scene=replace(seen.scene, viewpoint="facing"))
     planner = SkillPlanner(SkillConfig())
+    assert at(planner.plan(seen), "place")[1] > BLUE.centre[1] + 0.05
     assert at(planner.plan(facing), "place")[1] < BLUE.centre[1] - 0.05
     aside = planner.plan(replace(seen, instruction="put the red cube in the left half of the tray"))
     assert at(aside, "place")[:2] == pytest.approx(TRAY.centre[:2] + np.array([0.0, 0.0375]))
@@ -133,26 +129,17 @@ def test_what_is_too_wide_is_taken_by_its_wall_or_its_neck_or_not_at_all():
     assert refusal(plan("lift the red cup", closed)) == "too_wide"
 
 
-def test_the_check_of_the_width_looks_at_what_is_between_the_fingers():
-    pose = rigid(grasp_rotation(np.array([0, 0, -1.0]), np.array([0, 1.0, 0])), (0.35, 0.1, TABLE + 0.16))
-    assert part_fits(BOTTLE, pose, 0.08, HAND)
-    low = rigid(translation=(0, 0, -0.08)) @ pose
-    assert not part_fits(BOTTLE, low, 0.08, HAND)  # the fingers would come down on its sides
-    assert not part_fits(replace(BOTTLE, points=np.zeros((0, 3))), pose, 0.08, HAND)
-
-
 def test_a_stick_in_something_is_drawn_out_along_itself_and_all_of_it():
     holder = named("k", "brown block", "box", (0.3, 0.1, 0.075), (0.04, 0.08, 0.15))
     lean = Rotation.from_euler("y", 0.1).as_matrix()
     grip = named("g", "red knife", "box", (0.305, 0.1, 0.192), (0.023, 0.015, 0.084), turn=lean)
-    scene = request(holder, grip).scene
-    full = assembled(grip, scene)
-    assert full.bottom < TABLE + 0.02
-    assert full.top == pytest.approx(grip.top)
-    assert rise(full, scene) > 0.14
-    np.testing.assert_allclose(way_out(full, scene), lean[:, 2], atol=1e-9)
+    made = plan("pick up the red knife", holder, grip)
+    drawn = at(made, "draw") - at(made, "close")
+    np.testing.assert_allclose(drawn / np.linalg.norm(drawn), lean[:, 2], atol=1e-9)
+    assert drawn[2] > 0.14
     on_top = named("q", "red cube", "box", (0.3, 0.1, 0.17), (0.04, 0.04, 0.04))
-    assert assembled(on_top, request(holder, on_top).scene) is on_top
+    stages = [w.stage for w in plan("pick up the red cube", holder, on_top).trajectory]
+    assert "draw" not in stages
 
 
 def test_an_object_is_lifted_with_its_parts():
@@ -232,17 +219,10 @@ def test_press_stops_above_what_the_button_stands_on(height, depth, effects):
 # Caps, rings, lids, drawers, stuck objects
 
 
-JAR = named("j", "green jar", "cylinder", (0.35, -0.1, 0.06), (0.066, 0.066, 0.12))
-LID = named("l", "gray lid", "disc", (0.35, -0.1, 0.1305), (0.074, 0.074, 0.021), parent="j")
-SPOT = square((0.3, 0.2), "red square")
-
-
-@pytest.mark.parametrize(
-    "sentence", ["open the green jar", "unscrew the lid of the green jar", "uncap the jar"]
-)
+@pytest.mark.parametrize("sentence", ["open the jar", "unscrew the cap of the jar", "uncap the jar"])
 def test_a_cap_is_turned_and_lifted(sentence):
-    made = plan(sentence, JAR, LID, SPOT)
-    assert (made.skill, made.roles["theme"]) == ("twist", "l")
+    made = plan(sentence, *jar())
+    assert (made.skill, made.roles["theme"]) == ("twist", "cap")
     assert made.trajectory.waypoints[-1].stage == "lift"
     poses = zip(made.trajectory.poses(np.eye(4)), made.trajectory, strict=True)
     turned = [pose[:3, :3] for pose, w in poses if w.stage in ("close", "turn")]
@@ -251,9 +231,9 @@ def test_a_cap_is_turned_and_lifted(sentence):
 
 
 def test_a_cap_is_put_where_it_is_said():
-    made = plan("take the lid off the green jar and put it on the red square", JAR, LID, SPOT)
+    made = plan("take the cap off the jar and put it on the patch", *jar(), PATCH)
     assert made.skill == "twist"
-    np.testing.assert_allclose(at(made, "release")[:2], SPOT.centre[:2], atol=1e-6)
+    np.testing.assert_allclose(at(made, "release")[:2], PATCH.centre[:2], atol=1e-6)
 
 
 def test_a_ring_goes_over_a_post_in_line_with_it():
@@ -278,50 +258,11 @@ def test_a_nut_goes_over_the_peg_of_the_form_that_is_said():
     assert plan("put the nut on the round peg", ring, *pegs).roles["goal"] == "r"
 
 
-def test_a_corner_of_a_bin_is_a_place_in_it():
-    bins = [
-        named(name, f"gray {name}", "box", (0.35, y, 0.04), (0.3, 0.3, 0.08), opening=0.28)
-        for name, y in (("tray", 0.25), ("bin", -0.25))
-    ]
-    cubes = block("c", "red", (0.2, 0.0))
-    made = plan("put the red cube in the far left compartment of the left tray", *bins, cubes)
-    np.testing.assert_allclose(at(made, "place")[:2], [0.425, 0.325], atol=0.06)
-    assert made.roles["goal"] == "tray"
-
-
-def box(angle: float, scale: float = 1.0, xy=(0.12, -0.1)):
-    """A box with its hinge at +x, open by ``angle``."""
-    size, reach = np.array([0.25, 0.35, 0.15]) * scale, 0.268 * scale
-    turn = Rotation.from_euler("y", angle).as_matrix()
-    centre = np.array([xy[0] + size[0] / 2, xy[1], size[2] + 0.005]) - turn[:, 0] * reach / 2
-    body = named("b", "lime box", "box", (*xy, size[2] / 2), size)
-    return body, named("l", "white lid", "plate", centre, (reach, size[1], 0.01), turn=turn, parent="b")
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.9, 2.0, 2.6])
-@pytest.mark.parametrize("scale", [0.8, 1.2])
-def test_the_hinge_is_found_from_how_the_lid_lies(angle, scale):
-    objects = box(angle, scale)
-    hinge = hinge_for(objects[0], request(*objects).scene)
-    assert hinge.angle == pytest.approx(angle, abs=1e-6)
-    np.testing.assert_allclose(hinge.level, -BACK, atol=1e-6)
-    np.testing.assert_allclose(hinge.origin[0], objects[0].centre[0] + 0.125 * scale, atol=1e-6)
-    assert not hinge.guessed
-
-
-def test_a_lid_flush_all_around_is_taken_to_open_towards_the_robot():
-    body, _ = box(0.0)
-    flush = named("l", "white lid", "plate", (0.12, -0.1, 0.155), (0.25, 0.35, 0.01), parent="b")
-    hinge = hinge_for(flush, request(body, flush).scene)
-    assert hinge.guessed
-    np.testing.assert_allclose(hinge.level, -BACK, atol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("xy", "swung", "all_the_way"), [((0.1, 0.1), 109, True), ((0.12, -0.1), 104, False)]
 )
 def test_a_lid_is_swung_less_far_than_learned_only_where_the_arm_gets_no_further(xy, swung, all_the_way):
-    made = plan("open the box", *box(0.0, 1.0, xy), effects=[Bound("open_angle", 1.9, skill="open")])
+    made = plan("open the box", *box(0.0, xy), effects=[Bound("open_angle", 1.9, skill="open")])
     viable = [c.description for c in made.candidates if not c.rejected]
     assert f"open {swung}°" in viable[0]
     assert any("open 109°" in way for way in viable) == all_the_way
@@ -340,7 +281,7 @@ def test_opening_leads_the_lip_on_a_circle_about_the_hinge(sentence):
     assert made.trajectory.waypoints[-1].carries == ""
 
 
-@pytest.mark.parametrize("sentence", ["shut the lid of the lime box", "put the lid on the box"])
+@pytest.mark.parametrize("sentence", ["shut the lid of the box", "put the lid on the box"])
 def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(sentence):
     objects = box(2.618)
     made = plan(sentence, *objects)
@@ -350,19 +291,11 @@ def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(senten
     assert all(w.gripper == 0.0 for w in made.trajectory)
 
 
-def drawer(xy=(0.30, 0.15)):
-    return (
-        named("c", "azure cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),
-        named("d", "lime drawer", "box", (xy[0] - 0.114, xy[1], 0.08), (0.012, 0.248, 0.128), parent="c"),
-        named("h", "gray handle", "bar", (xy[0] - 0.16, xy[1], 0.125), (0.012, 0.11, 0.012), parent="d"),
-    )
-
-
 @pytest.mark.parametrize(("xy", "least"), [((0.30, 0.15), 0.15), ((0.14, -0.1), 0.10)])
 def test_a_drawer_is_pulled_along_its_own_normal_less_far_near_the_arm(xy, least):
     objects = drawer(xy)
-    assert slide_for(objects[0], request(*objects).scene).handle.id == "h"
-    for sentence in ("open the drawer", "slide the lime drawer out of the cabinet", "pull the handle"):
+    assert slide_for(objects[0], request(*objects).scene).handle.id == "bar"
+    for sentence in ("open the drawer", "slide the drawer out of the cabinet", "pull the bar"):
         made = plan(sentence, *objects)
         assert made.skill == "pull"
         drawn = at(made, "pull") - at(made, "close")
@@ -370,38 +303,15 @@ def test_a_drawer_is_pulled_along_its_own_normal_less_far_near_the_arm(xy, least
         assert least - 1e-9 <= -drawn[0] <= made.parameters["pull_distance"] + 1e-9
 
 
-def tower():
-    bricks = []
-    for layer in range(5):
-        for slot in (0, 2) if layer == 3 else range(3):
-            across = (slot - 1) * 0.067
-            xy = (0.12 + across, -0.1) if layer % 2 else (0.12, -0.1 + across)
-            where, yaw = (*xy, (layer + 0.5) * 0.033), np.pi / 2 * (layer % 2)
-            bricks.append(named(f"w{layer}{slot}", "white brick", "box", where, (0.2, 0.067, 0.033), yaw=yaw))
-    loose = named("k", "red brick", "box", (0.12, -0.03, 0.114), (0.18, 0.06, 0.03), yaw=np.pi / 2)
-    return (*bricks, loose, square((0.36, 0.12), "blue circle"))
-
-
 def test_a_brick_between_bricks_is_drawn_out_by_its_free_end():
-    objects = tower()
-    made, given_ = asked("pull the red block out of the tower and put it on the blue circle", *objects)
-    held = stuck(given_.scene["k"], given_.scene)
+    made, given_ = asked("pull the brick out and put it on the patch", *stuck_brick(), PATCH)
+    held = stuck(given_.scene["brick"], given_.scene)
     np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
     assert held.exposed == pytest.approx(0.06, abs=0.006)
     assert made.skill == "draw"
     drawn = at(made, "pull") - at(made, "close")
     np.testing.assert_allclose(drawn[[0, 2]], 0.0, atol=1e-9)
     assert drawn[1] >= held.hidden
-
-
-@pytest.mark.parametrize("into", [0.0, 0.018])
-def test_of_a_brick_in_a_tower_seen_as_one_the_rest_is_taken_to_be_inside(into):
-    whole = named("t", "white tower", "box", (0.12, -0.1, 0.0825), (0.2, 0.2, 0.165))
-    end = named("k", "red brick", "box", (0.12, 0.03 - into, 0.114), (0.06, 0.06, 0.03))
-    held = stuck(end, request(whole, end).scene)
-    np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
-    assert held.hidden == pytest.approx(0.2)
-    assert held.theme.extents[1] == pytest.approx(0.16)
 
 
 # Sorting
@@ -426,27 +336,20 @@ def test_sorting_is_one_trajectory_that_ends_in_the_bins():
 
 
 def test_the_hand_lets_go_in_a_container_no_wider_than_it_must():
-    widths = {}
-    for sentence, goal in (
-        ("put the red cube in the red bin", BINS[0]),
-        ("put the red cube on the tray", TRAY),
-    ):
+    def widths(sentence, goal):
         made = plan(sentence, RED, goal)
-        first, last = (
-            next(w for w in made.trajectory if w.stage == name) for name in ("approach", "release")
-        )
-        widths[goal.id] = (first.gripper * HAND.max_width, last.gripper * HAND.max_width)
-    taken, let_go = widths["red_bin"]
-    assert 0.05 < let_go < 0.07
-    assert let_go < taken
-    assert widths["t"][1] == widths["t"][0]
+        both = (next(w for w in made.trajectory if w.stage == stage) for stage in ("approach", "release"))
+        return [w.gripper * HAND.max_width for w in both]
+
+    taken, let_go = widths("put the red cube in the red bin", BINS[0])
+    assert 0.05 < let_go < min(taken, 0.07)
+    taken, let_go = widths("put the red cube on the tray", TRAY)
+    assert let_go == taken
 
 
 def test_what_stands_on_something_hidden_is_found_by_standing_above_the_table():
     high = named("h", "red cube", "box", (0.4, 0.15, 0.2), (0.05,) * 3)
     sentence = "pick up the red cube on the cabinet"
-    scene = asked(sentence, RED, high)[1].scene
-    assert [on_something_unseen(o, scene) for o in scene.objects] == [False, True]
     assert plan(sentence, RED, high).roles["theme"] == "h"
     carrier = named("s", "gray box", "box", (0.4, 0.15, 0.0875), (0.12, 0.12, 0.175))
     assert refusal(plan(sentence, RED, high, carrier)) == "nothing_matches"  # it stands on what is seen
@@ -490,7 +393,6 @@ def test_a_second_try_after_a_rejection_is_another_way():
         ("open the tray", "unknown_skill"),
         ("", "unknown_skill"),
         ("pick up the banana", "nothing_matches"),
-        ("pick up the magenta cube", "nothing_matches"),
         ("pick up the cube", "ambiguous"),
         ("pick up the table", "nothing_matches"),
         ("push the red cube", "no_goal"),

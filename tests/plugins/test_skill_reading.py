@@ -180,12 +180,9 @@ def test_a_name_of_two_colours_is_not_taken_for_one_that_may_have_either():
     assert calls("put the yellow mug on the left plate", unsure) == ["place(mixed, west, on)"]
 
 
-@pytest.mark.parametrize(("sentence", "what"), [("press", ("twist", "knob")), ("close", ("close", "door"))])
-def test_a_whole_with_one_part_that_moves_means_that_part(sentence, what):
-    call = SkillCall(sentence, "stove" if sentence == "press" else "microwave")
-    found = meant(call, counter())
-    assert isinstance(found, Meant)
-    assert (found.skill, found.theme.id) == what
+def test_a_whole_with_one_part_that_moves_means_that_part():
+    found = [meant(SkillCall(*call), counter()) for call in (("press", "stove"), ("close", "microwave"))]
+    assert [(one.skill, one.theme.id) for one in found] == [("twist", "knob"), ("close", "door")]
     assert isinstance(meant(SkillCall("open", "cabinet"), counter()), Abstention)
 
 
@@ -344,6 +341,18 @@ LAMP = scene(
 )
 
 
+BINS = scene(
+    *(
+        scene_object(f"{c}_bin", f"{c} bin", "box", (0.25, y), (0.17, 0.17, 0.05), opening=0.158)
+        for c, y in (("red", 0.3), ("blue", -0.3))
+    ),
+    scene_object("a", "red cube", "box", (0.3, 0.0)),
+    scene_object("b", "blue can", "cylinder", (0.4, 0.1)),
+    scene_object("c", "red bar", "box", (0.4, -0.1)),
+)
+SORTED = ["place(a, red_bin, in)", "place(b, blue_bin, in)", "place(c, red_bin, in)"]
+
+
 def leaning(obj, angle):
     """A known object that is turned by an angle about x."""
     turn = rigid(Rotation.from_euler("x", angle).as_matrix())
@@ -363,14 +372,10 @@ SHELF = scene(
 @pytest.mark.parametrize(
     ("sentence", "where", "done"),
     [
-        ("pick the akita black bowl between the plate and the ramekin and place it on the plate", KITCHEN,
-         ["place(between, plate, on)"]),
-        ("pick the akita black bowl on the top of the wooden cabinet and place it on the plate", KITCHEN,
-         ["place(above, plate, on)"]),
-        ("pick the akita black bowl next to the ramekin and place it on the stove", KITCHEN,
-         ["place(between, stove, on)"]),
-        ("pick the akita black bowl not between the plate and the ramekin and place it on the plate", KITCHEN,
-         ["place(above, plate, on)"]),
+        ("pick the akita black bowl between the plate and the ramekin", KITCHEN, ["pick(between)"]),
+        ("pick the akita black bowl on the top of the wooden cabinet", KITCHEN, ["pick(above)"]),
+        ("pick the akita black bowl next to the ramekin", KITCHEN, ["pick(between)"]),
+        ("pick the akita black bowl not between the plate and the ramekin", KITCHEN, ["pick(above)"]),
         ("put the black bowl on the cabinet on the stove", KITCHEN, ["place(above, stove, on)"]),
         ("put the orange juice on the plate", KITCHEN, ["place(juice, plate, on)"]),
         ("push the plate to the front of the stove", KITCHEN, ["push(plate, stove, front_of)"]),
@@ -391,10 +396,16 @@ SHELF = scene(
         ("put everything except the knife block in the tray", TRAY, ["place(g, t, in)", "place(y, t, in)"]),
         ("put both the green box and the yellow bottle in the tray", TRAY, ["place(g, t, in)", "place(y, t, in)"]),
         ("turn the lamp on", LAMP, ["press(l)"]),
+        ("put every object into the bin that has its colour", BINS, SORTED),
+        ("put the red things in the red bin and the blue things in the blue bin", BINS, SORTED),
+        ("sort the red and blue objects into the bins of their own colour", BINS, SORTED),
+        ("sort everything by color", BINS, SORTED),
+        ("put all the red things into the blue tray", BINS, ["place(a, blue_bin, in)", "place(c, blue_bin, in)"]),
     ],
 )  # fmt: skip
 def test_one_of_several_is_the_one_that_is_said(sentence, where, done):
-    assert calls(sentence, where) == done
+    made = calls(sentence, where)
+    assert (sorted(made) if where is BINS else made) == done
 
 
 @pytest.mark.parametrize(
@@ -436,31 +447,3 @@ def test_no_label_or_sentence_is_too_odd():
     for sentence in ("", "?", "the", "lift", "lift lift", "x" * 1000, "put it in it"):
         read(sentence, odd)
     assert re.match("pick", calls("lift the akita black bowl", odd)[0])
-
-
-BINS = tuple(
-    scene_object(f"{c}_bin", f"{c} bin", "box", (0.25, y), (0.17, 0.17, 0.05), opening=0.158)
-    for c, y in (("red", 0.3), ("blue", -0.3))
-)
-LOOSE = (
-    scene_object("a", "red cube", "box", (0.3, 0.0)),
-    scene_object("b", "blue can", "cylinder", (0.4, 0.1)),
-    scene_object("c", "red bar", "box", (0.4, -0.1)),
-)
-RIGHT = {"a": "red_bin", "b": "blue_bin", "c": "red_bin"}
-
-
-@pytest.mark.parametrize(
-    ("sentence", "right"),
-    [
-        ("put every object into the bin that has its colour", RIGHT),
-        ("put the red things in the red bin and the blue things in the blue bin", RIGHT),
-        ("sort the red and blue objects into the bins of their own colour", RIGHT),
-        ("sort everything by color", RIGHT),
-        ("put all the red things into the blue tray", {"a": "blue_bin", "c": "blue_bin"}),
-    ],
-)
-def test_which_object_goes_where(sentence, right):
-    found = read(sentence, scene(*BINS, *LOOSE))
-    assert not isinstance(found, Abstention), found
-    assert {call.theme: call.goal for call in found} == right

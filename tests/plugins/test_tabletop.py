@@ -113,12 +113,6 @@ def test_where_the_block_counts_as_on_the_target(along, across, up, relaxed, str
     assert verdicts(instance, state) == (relaxed, strict)
 
 
-# lamp_on
-
-
-# Options
-
-
 def test_what_does_not_fit_is_said():
     rng = np.random.default_rng(0)
     with pytest.raises(ConfigurationError, match="No place was found for 3 cubes"):

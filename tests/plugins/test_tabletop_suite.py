@@ -6,8 +6,7 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.robot.solids import extent
-from gvla2.testing.robot import check_task
-from tests.plugins.tabletop_layouts import TASKS, sample, site, task
+from tests.plugins.tabletop_layouts import TASKS, sample, task
 
 SUITE = (
     "put_block", "push_block", "play_jenga", "open_jar", "close_box", "open_box", "pickup_cup", "take_umbrella",
@@ -20,11 +19,6 @@ NAMED = {"open_jar": ("jar_", "jar"), "pickup_cup": ("cup_", "cup"), "insert_blo
 def size_of(body) -> np.ndarray:
     low, high = extent(body.solids)
     return high - low
-
-
-@pytest.mark.parametrize("name", TASKS)
-def test_tasks_keep_the_contract(name):
-    check_task(task(name), site())
 
 
 @pytest.mark.parametrize("name", TASKS)

@@ -12,8 +12,6 @@ from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.rendering import CLOSING, OPENING
 from gvla2.memory.store import Store
-from gvla2.plugins.registry import load_plugins
-from gvla2.testing import check_component
 from gvla2_plugins import memory_baselines
 from tests.memory.looking import look
 
@@ -52,16 +50,6 @@ def episode(
 ):
     given = lessons or (Lesson("procedural_hint", "Lift a small box: this grasp depth succeeded.", EFFECT),)
     return MemoryEpisode(MemoryTask(query, {"objects": 2.0}, "pick"), given, transcript, source=source)
-
-
-@pytest.mark.parametrize("name", METHODS)
-def test_it_conforms(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("GVLA2_HOME", str(tmp_path))
-    component = METHODS[name]
-    assert set(component.needs) <= {"embedder", "inducer"}
-    given = {"embedder": StaticEmbedder(), "inducer": load_plugins().build({"inducer": "rules"}, "inducer")}
-    check_component(component, "memory", **{need: given[need] for need in component.needs})
-    assert (tmp_path / "memory.db").exists()
 
 
 @pytest.mark.parametrize("name", METHODS)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from gvla2.episode.record import EpisodeRecord, Failure
+from gvla2.episode.refine import Refinement
 from gvla2.geometry.views import Observation, Views
 from gvla2.memory.contracts import Learned, MemoryContext, MemoryItem, Verdict
 from gvla2.planning.contracts import Abstention, Candidate, Plan
@@ -33,7 +34,7 @@ STAGES = (
     "learn",
 )
 FILLED = {
-    "observe": ("observation",), "perceive": ("scene",), "reconstruct": ("refinement",), "recall": ("recalled",),
+    "observe": ("observation",), "perceive": ("scene",), "reconstruct": ("refined",), "recall": ("recalled",),
     "plan": ("plan",), "check": ("checks",), "execute": ("report", "after", "after_scene"), "verify": ("verdict",),
     "learn": ("learned",), "success_check": ("success_check",),
 }  # fmt: skip
@@ -125,7 +126,7 @@ def episode(seen: tuple[Scene, Observation]) -> Callable[..., EpisodeRecord]:
         goal="relaxed: the block touches the target; strict: its centre is within 10 mm.",
         observation=observation,
         scene=scene,
-        refinement="Two boxes were fitted to the fused points; the largest change was 1.2 mm.",
+        refined=(Refinement(scene.objects[0], scene.objects[0], True, "agreement with the masks 0.912 and 0.934"),),
         recalled=build_recalled(),
         plan=plan,
         checks=CheckReport(
@@ -160,8 +161,6 @@ def failed_at(episode: Callable[..., EpisodeRecord]) -> Callable[[str], EpisodeR
     def make(stage: str) -> EpisodeRecord:
         before = STAGES[: STAGES.index(stage)]
         lost = {name: None for each, names in FILLED.items() if each not in before for name in names}
-        if "refinement" in lost:
-            lost["refinement"] = ""  # type: ignore[assignment]
         failure = Failure(stage, "error", f"The stage {stage} broke.")  # type: ignore[arg-type]
         return episode(timings=dict.fromkeys(before, 0.1), failure=failure, **lost)
 

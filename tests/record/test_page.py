@@ -14,6 +14,7 @@ import pytest
 from rich.console import Console
 
 from gvla2.episode.record import EpisodeRecord, Failure
+from gvla2.episode.refine import Refinement
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Candidate
@@ -80,7 +81,7 @@ def test_a_page_shows_what_every_stage_found(episode: Episode) -> None:
     (video,) = (attributes for tag, attributes in page.tags if tag == "video")
     assert video["src"] == f"data:video/mp4;base64,{base64.b64encode(film).decode()}"
     for shown in (
-        record.instruction, "52 × 52 × 52", record.refinement, "parameter lift_height", "0.17 -> 0.2",
+        record.instruction, "52 × 52 × 52", record.refined[0].reason, "parameter lift_height", "0.17 -> 0.2",
         "the hand would touch the table", "Smallest clearance", "The red cube was seen 4 mm", record.goal, "rec-9",
         "seed: 3", "result.json",
     ):  # fmt: skip
@@ -118,7 +119,8 @@ def test_foreign_text_never_becomes_markup(episode: Episode) -> None:
     )
     record = replace(
         full,
-        **dict.fromkeys(("instruction", "task", "goal", "refinement"), HOSTILE),
+        **dict.fromkeys(("instruction", "task", "goal"), HOSTILE),
+        refined=(Refinement(bad_object, None, False, HOSTILE),),
         choices={HOSTILE: HOSTILE},
         scene=replace(full.scene.with_object(bad_object), notes=(HOSTILE,)),
         recalled=MemoryContext((item,), HOSTILE),

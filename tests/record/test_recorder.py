@@ -39,9 +39,7 @@ def run(
     recorder: RunRecorder, full: EpisodeRecord, after_stage: Callable[[str], None] = lambda stage: None
 ) -> EpisodeRecord:
     """Play the stages of a finished record; ``after_stage`` is called when a stage's files are written."""
-    record = replace(
-        full, **{n: "" if n == "refinement" else None for names in FILLED.values() for n in names}
-    )
+    record = replace(full, **{n: None for names in FILLED.values() for n in names})
     for stage, names in FILLED.items():
         record = replace(record, **{name: getattr(full, name) for name in names})
         for k in range(5 if stage == "execute" else 0):
@@ -70,7 +68,7 @@ def test_a_finished_run_leaves_everything_and_an_interrupted_one_is_complete_up_
     assert names == {
         "config.yaml", "result.json", "scene.json", "recalled.json", "plan.json", "trajectory.json", "checks.json",
         "report.json", "scene_after.json", "verdict.json", "learned.json", "perception.png", "plan.png",
-        "before.png", "after.png", "episode.mp4", "scene.glb", "views", "index.html",
+        "before.png", "after.png", "refined.png", "episode.mp4", "scene.glb", "views", "index.html",
     }  # fmt: skip
     result = load(page.parent / "result.json")
     assert set(result) >= RESULT_KEYS

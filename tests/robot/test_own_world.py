@@ -137,7 +137,9 @@ def test_the_simulator_of_the_page_lifts_its_cube_in_sixty_lines(tmp_path: Path)
 def test_a_bench_takes_the_robots_tasks_by_a_pattern(tmp_path: Path):
     registry = load_plugins()
     arms = ("arms=[off]", "layouts=[10,11]", "workers=1", "quiet=true")
-    config = bench_config(registry, "suite=robot", "robot=kitchen", "tasks=[kitchen/*]", *arms)
+    config = bench_config(
+        registry, "suite=robot", "conditions=clean", "robot=kitchen", "tasks=[kitchen/*]", *arms
+    )
     config.results.url = f"sqlite:///{tmp_path / 'results.sqlite'}"
     (design,) = designs(config, registry)
     assert [(unit.subject, unit.layout) for unit in design.plan] == list(product(SENTENCES, (10, 11)))

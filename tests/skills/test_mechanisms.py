@@ -1,4 +1,4 @@
-"""How far a lid is open, from its plate and its box; doors and their handles; whether a lamp shines."""
+"""Hinges, and how far a lid is open; doors and their handles; stuck bricks; whether a lamp shines."""
 
 from dataclasses import replace
 
@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Box, PartJoint, Scene, SceneObject
-from gvla2.skills.mechanisms import opening_angle, shines
-from tests.skills.scenes import TABLE, asked, at, make_object
+from gvla2.skills.mechanisms import hinge_for, opening_angle, shines, stuck
+from tests.skills.scenes import TABLE, asked, at, box, make_object, named, request
 
 
 def lid(angle: float, yaw: float = 0.0, scale: float = 1.0) -> tuple[SceneObject, SceneObject]:
@@ -38,6 +38,34 @@ def test_flat_is_closed_and_without_a_box_nothing_leans_away():
     plate, box = lid(0.05)
     assert opening_angle(plate, box) == 0.0
     assert opening_angle(lid(2.0)[0], None) == pytest.approx(np.pi - 2.0)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.9, 2.0, 2.6])
+def test_the_hinge_is_found_from_how_the_lid_lies(angle):
+    body, lid = box(angle)
+    hinge = hinge_for(body, request(body, lid).scene)
+    assert hinge.angle == pytest.approx(angle, abs=1e-6)
+    np.testing.assert_allclose(hinge.level, [-1.0, 0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(hinge.origin[0], body.centre[0] + 0.125, atol=1e-6)
+    assert not hinge.guessed
+
+
+def test_a_lid_flush_all_around_is_taken_to_open_towards_the_robot():
+    body, _ = box(0.0)
+    flush = named("l", "white lid", "plate", (0.12, -0.1, 0.155), (0.25, 0.35, 0.01), parent="box")
+    hinge = hinge_for(flush, request(body, flush).scene)
+    assert hinge.guessed
+    np.testing.assert_allclose(hinge.level, [-1.0, 0.0, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("into", [0.0, 0.018])
+def test_of_a_brick_in_a_tower_seen_as_one_the_rest_is_taken_to_be_inside(into):
+    whole = named("t", "white tower", "box", (0.12, -0.1, 0.0825), (0.2, 0.2, 0.165))
+    end = named("k", "red brick", "box", (0.12, 0.03 - into, 0.114), (0.06, 0.06, 0.03))
+    held = stuck(end, request(whole, end).scene)
+    np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
+    assert held.hidden == pytest.approx(0.2)
+    assert held.theme.extents[1] == pytest.approx(0.16)
 
 
 def part(id_: str, label: str, x: float, grey: float, parent: str = "base") -> SceneObject:

@@ -24,7 +24,7 @@ from gvla2.agents.tasks import Attempt, attempt, read_tasks
 from gvla2.component import described
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import MEMORY, BenchArm, chosen_arms, chosen_memory, has_bank
-from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
+from gvla2.evaluation.comparison import SATURATED, Measure, TableLayout, comparison_sheets
 from gvla2.evaluation.components import configured, model_label
 from gvla2.evaluation.config import AgentsBench
 from gvla2.evaluation.engine import Suite, Unit
@@ -49,7 +49,7 @@ LAYOUT = TableLayout(
     },
     reference="off",
     measures=(
-        Measure("solved", "SR %", "higher", 1),
+        Measure("solved", "SR %", "higher", 1, rate=True),
         Measure("steps", "AS", "lower", 1),
         Measure("agent_tokens", "agent tokens", "lower", 0),
         Measure("extra_tokens", "extra tokens", "lower", 0, compared=False),
@@ -60,6 +60,7 @@ LAYOUT = TableLayout(
     ),
     groups=("agent", "model", "verifier", "tasks"),
     pair="task",
+    explanation=SATURATED,
 )
 UNKNOWN = dict.fromkeys(measure.name for measure in LAYOUT.measures)
 """The measures of a task that was not measured."""

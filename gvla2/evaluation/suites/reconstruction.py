@@ -13,14 +13,7 @@ from omegaconf import OmegaConf
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.evaluation.ablation import (
-    DRIFTS,
-    NOISES,
-    REFERENCE,
-    VARIANTS,
-    Drift,
-    refined_row,
-)
+from gvla2.evaluation.ablation import DRIFTS, NOISES, Drift, refined_row
 from gvla2.evaluation.comparison import Measure, TableLayout, comparison_sheets
 from gvla2.evaluation.components import changed_options, code_of, given_label
 from gvla2.evaluation.config import ReconstructionBench
@@ -34,6 +27,7 @@ from gvla2.plugins.assembly import GEOMETRY
 from gvla2.plugins.registry import Registry
 from gvla2.reconstruction.branch import BranchComponents
 from gvla2.reconstruction.contracts import Reconstruction, Reconstructor
+from gvla2.reconstruction.options import REFERENCE, VARIANTS
 
 LAYOUT = TableLayout(
     title="Reconstruction",

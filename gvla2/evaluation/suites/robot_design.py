@@ -20,10 +20,16 @@ from gvla2.evaluation.components import (
     noise_label,
     options_of,
     require_among,
-    task_options,
 )
 from gvla2.evaluation.config import LEARNABLE, RobotBench
 from gvla2.evaluation.results import cell_key, versions
+from gvla2.evaluation.suites.robot_conditions import (
+    SCANNED,
+    condition_labels,
+    conditioned,
+    scans_of,
+    sentences_of,
+)
 from gvla2.evaluation.suites.robot_episodes import EXPLORED, EpisodeUnit, chosen_components
 from gvla2.evaluation.suites.robot_stress import in_world, lived, stresses_of
 from gvla2.plugins.assembly import GEOMETRY, LOOP
@@ -57,6 +63,8 @@ SETTING = (
     "verifier",
     "depth_noise",
     "scale",
+    "distractors",
+    "sentences",
     "world",
     "stress",
     "second_tries",
@@ -65,8 +73,8 @@ SETTING = (
 """Factors that rows must share to be compared; tables leave out those with the usual value."""
 MEASURING_CODE = (
     "gvla2.episode", "gvla2.evaluation.arms", "gvla2.evaluation.suites.robot", "gvla2.evaluation.suites.robot_episodes",
-    "gvla2.evaluation.suites.robot_stress", "gvla2.geometry", "gvla2.memory", "gvla2.perception", "gvla2.planning",
-    "gvla2.reconstruction", "gvla2.robot", "gvla2.skills",
+    "gvla2.evaluation.suites.robot_conditions", "gvla2.evaluation.suites.robot_stress", "gvla2.geometry",
+    "gvla2.memory", "gvla2.perception", "gvla2.planning", "gvla2.reconstruction", "gvla2.robot", "gvla2.skills",
 )  # fmt: skip
 """Code whose change outdates stored rows, besides the chosen plugins."""
 ASKING_CODE = ("gvla2.language",)
@@ -103,6 +111,8 @@ def designs(config: RobotBench, registry: Registry) -> list[Design]:
     arms = chosen_arms(config, registry)
     if config.policy.name not in ("", NONE) and any(arm.name != "off" for arm in arms):
         raise ConfigurationError("A policy has no memory: arms=[off].")
+    if config.reconstructor.name in ("", NONE) and any(arm.geometry for arm in arms):
+        raise ConfigurationError("Arms with a geometry need a reconstructor: reconstructor=hull.")
     _check_seeds(config, learns=any(arm.learns for arm in arms))
     seeds = [[seed] for seed in dict.fromkeys(config.seeds)] if config.world == LEARNABLE else [config.seeds]
     stresses = [[stress] for stress in dict.fromkeys(config.stresses)] or [[]]
@@ -137,11 +147,12 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
     :class:`ConfigurationError` for options that a task does not have.
     """
     found: dict[str, dict[str, Any]] = {}
-    names = ordered(named_tasks(config, registry) or _default_tasks(config, registry))
+    scans = scans_of(config)
+    names = ordered(named_tasks(config, registry) or _default_tasks(config, registry, scans))
     require_among("task_options", config.task_options, names, "tasks")
     world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
     for name in names:
-        options, label = task_options(config, registry, name), given_label(name, config.task_options)
+        options, label = conditioned(config, registry, name, scans), given_label(name, config.task_options)
         if config.world != LEARNABLE:
             found[label] = {"name": name, **options}
             continue
@@ -153,10 +164,12 @@ def subjects(config: RobotBench, registry: Registry) -> dict[str, dict[str, Any]
     return found
 
 
-def _default_tasks(config: RobotBench, registry: Registry) -> list[str]:
-    """The paper's fourteen, or in a learnable world all that have something to learn."""
+def _default_tasks(config: RobotBench, registry: Registry, scans: str) -> list[str]:
+    """The paper's fourteen, and scanned objects if there are ``scans`` and nothing is scaled; in a learnable world all
+    that have something to learn.
+    """
     if config.world != LEARNABLE:
-        return list(TASKS)
+        return [*TASKS, *([SCANNED] if scans and config.scale == 1 else [])]
 
     def learnable(name: str) -> bool:
         if "family" not in options_of(registry, "task", name):
@@ -205,8 +218,9 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
     plan = []
     for (subject, task), arm in product(rows.items(), arms):
         past: Any = (lessons, _memory_key(config, registry, arm)) if arm.learns else ()
-        past = (past, arm.replan, *config.stresses)
+        past = (past, arm.replan, arm.geometry, *config.stresses)
         own = {"variant": arm.variant} if arm.variant else {}
+        own |= {"geometry": arm.geometry} if arm.geometry else {}
         own |= {"learning": _learning_label(config)} if arm.learns else {}
         for place, layout in _places(config):
             here = {"task": subject, "arm": arm.name, **place}
@@ -235,7 +249,8 @@ def _around(
         kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" or OWN_TASK not in task["name"]]
         typed = configured(registry, chosen_components(config, task), kinds)
         code = code_of(typed, *MEASURING_CODE, *asking)
-        found[subject] = (list(map(asdict, typed)), *shared, code, VERSION)
+        said = sentences_of(config, task["name"])
+        found[subject] = (list(map(asdict, typed)), *shared, *said, code, VERSION)
     return found
 
 
@@ -296,6 +311,7 @@ def _common(config: RobotBench, registry: Registry) -> dict[str, str | int]:
         "stress": next(iter(config.stresses), ""),
         "components": ", ".join(components),
         "replan": config.replan,
+        **condition_labels(config),
         "second_tries": "" if config.second_tries == RobotBench.second_tries else str(config.second_tries),
     }
     return {

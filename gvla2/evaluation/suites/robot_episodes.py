@@ -16,8 +16,10 @@ from omegaconf import OmegaConf
 from gvla2.episode.lessons import stories_of
 from gvla2.episode.loop import Components, EpisodeRequest, SilentListener, planned_again, run_episode
 from gvla2.episode.record import VOID, EpisodeRecord, Stage
+from gvla2.episode.refine import GeometryComponents
 from gvla2.evaluation.arms import (
     MEMORY,
+    PERCEIVED,
     STORIES,
     BenchArm,
     Frozen,
@@ -29,6 +31,8 @@ from gvla2.evaluation.arms import (
 from gvla2.evaluation.config import RobotBench
 from gvla2.evaluation.engine import Unit
 from gvla2.evaluation.results import Cell
+from gvla2.evaluation.suites.robot_conditions import Reworded, sentences_of
+from gvla2.geometry.views import Views
 from gvla2.memory.contracts import Memory, MemoryTask
 from gvla2.plugins.assembly import GEOMETRY, LOOP, build_components
 from gvla2.plugins.registry import Registry
@@ -103,8 +107,8 @@ Ran = tuple[EpisodeRecord, float]
 def run_group(group: EpisodeGroup, registry: Registry) -> Iterator[Cell]:
     """Run the episodes here."""
     ran: list[Ran] = []
-    for unit in group.episodes:
-        yield from run_unit(unit, registry, ran)
+    for unit in group.episodes:  # one with a geometry of its own plans for another scene
+        yield from run_unit(unit, registry, [] if unit.arm.geometry else ran)
 
 
 def run_unit(unit: EpisodeUnit, registry: Registry, ran: list[Ran]) -> list[Cell]:
@@ -226,9 +230,21 @@ def cells_of(
         done = strict if profile == "strict" else relaxed
         failure = {} if done else {"failure": why or "not_strictly", "message": message}
         factors = dict(unit.factors) | ({"profile": profile} if profile else {})
-        measures = {"success": done if measured else None, "seconds": seconds, **spent_on(record)}
+        measures = {
+            "success": done if measured else None,
+            "seconds": seconds,
+            "width_error": _width_error(record),
+            **spent_on(record),
+        }
         cells.append(Cell(key, factors, measures, {"failure": "", "message": "", **notes, **failure}))
     return cells
+
+
+def _width_error(record: EpisodeRecord) -> float | None:
+    """Mean error of the first try's boxes that refinement looked at, mm; None where it looked at none."""
+    looked = next((each.refined for each in reversed(_all_of(record)) if each.refined), ())
+    errors = [one.width_error for one in looked if one.width_error is not None]
+    return 1e3 * sum(errors) / len(errors) if errors else None
 
 
 def failure_class(record: EpisodeRecord) -> str:
@@ -333,8 +349,29 @@ def _components_of(unit: EpisodeUnit, registry: Registry) -> Components:
         release()
         root = chosen_components(unit.config, unit.task)
         names = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
-        _kept[key] = build_components(root, registry, {**names, "task": unit.subject}, unit.config.branch)
-    return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm.name})
+        built = build_components(root, registry, {**names, "task": unit.subject}, unit.config.branch)
+        said = sentences_of(unit.config, unit.task["name"])
+        if said and built.task is not None and not isinstance(built.task, str):
+            built = replace(built, task=Reworded(built.task, said))
+        _kept[key] = built
+    choices = {**_kept[key].choices, "memory": unit.arm.name}
+    return replace(_kept[key], choices=choices, geometry=_geometry(_kept[key].geometry, unit.arm.geometry))
+
+
+def _geometry(given: GeometryComponents | None, row: str) -> GeometryComponents | None:
+    """The reconstruction of an arm's row, given the bench's; that of perceived boxes makes nothing, but is reported."""
+    if given is None or not row:
+        return given
+    if row == PERCEIVED:
+        return replace(given, reconstructor=_Perceived())
+    return replace(given, options=given.options.row(row))
+
+
+class _Perceived:
+    """Leaves every object as perceived."""
+
+    def reconstruct(self, views: Views) -> None:
+        """Nothing."""
 
 
 def release() -> None:

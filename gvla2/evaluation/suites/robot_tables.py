@@ -9,7 +9,16 @@ from statistics import fmean, median
 from types import MappingProxyType
 from typing import Any
 
-from gvla2.evaluation.comparison import EFFECT, different, effect, rate
+from gvla2.evaluation.comparison import (
+    EFFECT,
+    SATURATED,
+    different,
+    effect,
+    least,
+    pairs_by_task,
+    rate,
+    saturated,
+)
 from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.statistics import Pair, mean_and_deviation
 from gvla2.evaluation.suites.robot_design import NAMED, PROFILES, SETTING, ordered
@@ -20,19 +29,17 @@ PLANNER = ("planner", "model")
 """Factors that the arms of a comparison share, besides the setting."""
 EPISODE = (*PLANNER, "task", "arm", "variant", "learning", "profile", "seed", "episode")
 """Factors that distinguish the episodes of a setting."""
-FULL = 0.95
-"""A row whose arms all have more successes, or all more failures, has no room for a difference."""
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
     "seeds. Asterisk, coloured: the task differs from memory off (exact McNemar on paired episodes, Holm over tasks, "
     "p < .05). Planning seconds include checks and answers to rejected plans; tokens are those of prompts + answers as "
     "the server counted them. Answers from a cache cost neither tokens nor time. In a learnable world each seed is "
-    "another world, and a row pools the families of that number. Saturated: at least 95 % of every arm's episodes "
-    "succeed, or at least 95 % fail, which leaves no room for a difference."
+    "another world, and a row pools the families of that number. What columns could show against the first is the "
+    f"least difference that McNemar's test finds in their common episodes (p < .05, power 80 %). {SATURATED}"
 )
 SUITES = (
     "Success in per cent by suite with its 95 % Wilson interval. Published results have other evidence, which the last "
-    "row names: no test between them and ours means anything."
+    f"row names: no test between them and ours means anything. {SATURATED}"
 )
 FAILURES = (
     "Failures by cause, where the relaxed goal was not reached (unnoticed: the robot's own verifier saw nothing wrong; "
@@ -90,7 +97,7 @@ def _by_stress(cells: Sequence[Cell], shared: Sequence[str]) -> Sheet:
         by_arm = {arm: own for (arm,), own in grouped(some, "arm").items()}
         on = by_arm.get("on", [])
         effects = (effect(_pairs(by_arm.get(arm, []), on)) for arm in others)
-        rows.append(SheetRow(stress, (_rate(on, 0), *effects)))
+        rows.append(SheetRow(f"{stress}{_saturated(by_arm)}", (_rate(on, 0), *effects)))
     headings = ("memory on", *(f"on against {arm}" for arm in others))
     title = f"{_title(found, shared)}: what governance adds under stress"
     counted = f"{count(len(rows), 'stress', 'stresses')}, {count(len(found), 'episode')}"
@@ -142,7 +149,9 @@ def _columns(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
     columns = {}
     for planner, arm, model in sorted(found, key=lambda place: (order.index(place[0]), arms.index(place[1]))):
         asked = f" by {model}" if model and len(models[planner]) > 1 else ""
+        geometry = found[planner, arm, model][0].texts("geometry")[0]
         memory = f"memory {arm}" if arms != ["off"] or len(models) == 1 else ""
+        memory = f"geometry {geometry}" if geometry else memory
         named = f"{planner}{asked}" if len(models) > 1 or asked else ""
         columns[", ".join(filter(None, (named, memory)))] = found[planner, arm, model]
     return columns
@@ -165,21 +174,24 @@ def _by_suite(
     title: str,
 ) -> Sheet:
     """Suites and their groups down; planners, arms and the published systems that report any of them across."""
-    lines: dict[str, list[SheetCell]] = {name: [] for name in (*suites, *groups, "given")}
-    for some in (_of_profile(found, PROFILES[0]) for found in columns.values()):
-        by_suite = {name: [c for c in some if c.texts("task")[0].startswith(f"{name}/")] for name in suites}
-        for name in suites:
-            lines[name].append(_rate(by_suite[name], 0))
-        for name, members in groups.items():
-            lines[name].append(_rate([cell for one in members for cell in by_suite[one]], 0))
-        lines["given"].append(text_cell(", ".join(given for (given,) in grouped(some, "given"))))
-    others = {name: one for name, one in published.items() if not lines.keys().isdisjoint(one["success"])}
-    for one in others.values():
-        for name in (*suites, *groups):
-            lines[name].append(text_cell(one["success"][name]) if name in one["success"] else NOT_REPORTED)
-        lines["given"].append(text_cell(one["given"]))
-    headings = (*columns, *(f"{name} (published)" for name in others))
-    return Sheet(title, headings, tuple(SheetRow(k, tuple(v)) for k, v in lines.items()), "", (), SUITES)
+    found = {name: _of_profile(some, PROFILES[0]) for name, some in columns.items()}
+    wholes = {**{name: [name] for name in suites}, **groups}
+    others = [(name, one) for name, one in published.items() if not wholes.keys().isdisjoint(one["success"])]
+    rows = []
+    for name, members in wholes.items():
+        own = {
+            column: [c for c in some if c.texts("task")[0].partition("/")[0] in members]
+            for column, some in found.items()
+        }
+        theirs = (one["success"].get(name) for _, one in others)
+        reported = (NOT_REPORTED if rate is None else text_cell(rate) for rate in theirs)
+        rows.append(
+            SheetRow(f"{name}{_saturated(own)}", (*(_rate(some, 0) for some in own.values()), *reported))
+        )
+    given = [", ".join(given for (given,) in grouped(some, "given")) for some in found.values()]
+    rows.append(SheetRow("given", tuple(map(text_cell, [*given, *(one["given"] for _, one in others)]))))
+    headings = (*columns, *(f"{name} (published)" for name, _ in others))
+    return Sheet(title, headings, tuple(rows), "", (), SUITES)
 
 
 def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -> Sheet:
@@ -193,14 +205,26 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
         for task in tasks:
             entries[task].append(_rate(by_task.get((task,), []), sure.get(task, 0)))
         entries["mean over tasks"].append(_mean([cell for cell in some if _counts(cell)]))
-    rows = [SheetRow(f"{label}{_saturated(label, found)}", tuple(line)) for label, line in entries.items()]
+    rows = [
+        SheetRow(f"{label}{_saturated(_of_task(label, found))}", tuple(line))
+        for label, line in entries.items()
+    ]
+
+    def could_show(some: Sequence[Cell]) -> str:
+        first = next(iter(found.values()))
+        pairs = [pair for pairs in _pairs(first, some).values() for pair in pairs]
+        return "" if some is first else least(pairs)
+
     asked = any(cell.measures.get("calls") or cell.measures.get("cached") for cell in everything)
     lines: dict[str, Callable[[Sequence[Cell]], str]] = {}
     if profile == PROFILES[0] and (asked or len(grouped(everything, "planner")) > 1):
+        if len(grouped(everything, "planner")) > 1:
+            lines["against the first column"] = could_show
         lines["planning seconds, median"] = lambda some: _middle(measured(some, "planning_seconds"))
         lines["calls an episode"] = lambda some: f"{_average(some, 'calls') or 0:.1f}"
         lines["prompt + answer tokens an episode"] = _tokens
         lines["answers from the cache"] = lambda some: f"{sum(measured(some, 'cached')):.0f}"
+    lines["width error, mm, median"] = lambda some: _middle(measured(some, "width_error"))
     lines["second tries"] = _second_tries
     lines["episodes with the fallback"] = lambda some: str(sum(bool(c.notes.get("fallback")) for c in some))
     lines["not measured"] = lambda some: str(sum(not _counts(cell) for cell in some))
@@ -210,15 +234,13 @@ def _success(columns: Columns, tasks: Sequence[str], profile: str, title: str) -
     return Sheet(title, tuple(columns), tuple(filled), "", (), SUCCESS)
 
 
-def _saturated(task: str, columns: Columns) -> str:
-    """A remark on a row of several arms that has no room for a difference."""
-    arms = [
-        [bool(c.measures["success"]) for c in some if c.texts("task") == (task,) and _counts(c)]
-        for some in columns.values()
-    ]
-    rates = [fmean(done) for done in arms if done]
-    full = len(rates) > 1 and (min(rates) >= FULL or max(rates) <= 1 - FULL)
-    return " (saturated)" if full else ""
+def _saturated(columns: Columns) -> str:
+    """A remark on cells of several columns that leave no room for a difference."""
+    return saturated([fmean(_outcomes(some).values()) for some in columns.values() if _outcomes(some)])
+
+
+def _of_task(task: str, columns: Columns) -> dict[str, list[Cell]]:
+    return {name: [c for c in some if c.texts("task") == (task,)] for name, some in columns.items()}
 
 
 def _second_tries(cells: Sequence[Cell]) -> str:
@@ -252,20 +274,16 @@ def _rates(cells: Sequence[Cell]) -> list[float]:
     return [100 * fmean(measured(some, "success")) for some in grouped(cells, "task").values()]
 
 
+def _outcomes(cells: Sequence[Cell]) -> dict[tuple[str, ...], float]:
+    """The successes of the measured episodes by task, seed and number."""
+    return {
+        c.texts("task", "seed", "episode"): float(c.measures["success"] or 0) for c in cells if _counts(c)
+    }
+
+
 def _pairs(first: Sequence[Cell], second: Sequence[Cell]) -> dict[str, list[Pair]]:
     """By task the measured episodes that two arms share, if there are any."""
-    one, two = (
-        {
-            cell.texts("task", "seed", "episode"): bool(cell.measures["success"])
-            for cell in arm
-            if _counts(cell)
-        }
-        for arm in (first, second)
-    )
-    by_task: dict[str, list[Pair]] = {}
-    for place in sorted(one.keys() & two.keys()):
-        by_task.setdefault(place[0], []).append((one[place], two[place]))
-    return by_task
+    return pairs_by_task(_outcomes(first), _outcomes(second))
 
 
 def _effects(cells: Sequence[Cell], title: str) -> Sheet:

@@ -43,6 +43,7 @@ def test_planners_are_columns_with_their_costs_below():
     assert text(relaxed, "prompt + answer tokens an episode", "agent3d") == ("300 + 12",)
     assert text(relaxed, "planning seconds, median", "agent3d") == ("5.0",)
     assert text(relaxed, "calls an episode", "skill") == ("0.0",)
+    assert text(relaxed, "against the first column", "agent3d") == ("too few pairs to show any",)
     assert "tokens" not in "".join(row.label for row in strict.rows), "costs are reported once"
     assert text(failures, "abstained", "agent3d") == ("5",)
     assert "300 + 12" in to_markdown(robot_sheets(BOTH))

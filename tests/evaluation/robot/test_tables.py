@@ -97,7 +97,7 @@ def test_stresses_stand_side_by_side_with_the_differences_that_their_pairs_can_s
     assert text_of(together, "none", "on against off")[2:4] == (
         "12 : 0 of 40, p 0.000488", "could show 24 points",
     )  # fmt: skip
-    assert text_of(together, "drift", "on against off")[3] == "too few pairs to show any"
+    assert text_of(together, "drift (saturated)", "on against off")[3] == "too few pairs to show any"
     assert [row.label for row in none.rows][:2] == ["put_block (saturated)", "lamp_on"]
 
 
