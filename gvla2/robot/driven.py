@@ -83,7 +83,11 @@ class DrivenRobot(ABC):
         Raises :class:`gvla2.errors.RobotError` for another shape, numbers that are not finite, or negative seconds.
         """
         target = np.asarray(joints, dtype=np.float64)
-        if target.shape != (self.arm.dof,) or not np.isfinite([*target, opening, seconds]).all() or seconds < 0:
+        if (
+            target.shape != (self.arm.dof,)
+            or not np.isfinite([*target, opening, seconds]).all()
+            or seconds < 0
+        ):
             raise RobotError(
                 f"{self.model.robot} is driven to finite joints ({self.arm.dof},) for 0 seconds or more, got shape "
                 f"{target.shape}, an opening of {opening} and {seconds} s."
