@@ -20,7 +20,7 @@ from gvla2.evaluation.engine import BenchProgress, in_processes
 from gvla2.plugins.discovery import Plugin
 from gvla2.plugins.registry import Offer, Registry
 from gvla2.reconstruction.rasteriser import Rasteriser
-from gvla2_plugins import axes, depth_prior, fusions, hull
+from gvla2_plugins import axes, depth_prior, geofuse
 
 PLUGIN = Plugin("tests")
 FACTORS = {"object", "baseline", "drift", "variant", "seed"}
@@ -36,10 +36,10 @@ class PlainConfig(ComponentConfig):
 def parts() -> Registry:
     """The real components, whichever of them are installed as plugins."""
     offers = {
-        "reconstructor": hull.gvla2_reconstructors(),
+        "reconstructor": geofuse.gvla2_reconstructors(),
         "prior": depth_prior.gvla2_geometry_priors(),
         "axis": axes.gvla2_axis_compensations(),
-        "fusion": fusions.gvla2_fusion_strategies(),
+        "fusion": geofuse.gvla2_fusion_strategies(),
         "renderer": [Component("raster", PlainConfig, lambda config: Rasteriser())],
     }
     return Registry(
@@ -75,7 +75,7 @@ def config_for(meshes: Path, tmp_path: Path, objects: tuple[str, ...] = (), **ch
         "surface_samples": 5000,
         "prior": depth_prior.DepthPriorConfig(name="depth"),
         "axis": axes.ContoursConfig(name="contours"),
-        "fusion": fusions.ShareConfig(name="residual"),
+        "fusion": geofuse.ShareConfig(name="residual"),
         "renderer": PlainConfig(name="raster"),
         "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),
         "workers": 1,

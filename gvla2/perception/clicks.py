@@ -33,12 +33,10 @@ from gvla2.planning.scene import Scene, SceneObject
 class Prompt:
     """A target in a picture, in pixels, the first pixel's centre at (0.5, 0.5).
 
-    ``points`` (P, 2) as (u, v); ``positive`` (P,) whether each is on the object or beside it; ``box`` is (left, top,
-    right, bottom) or None. At least one point or a box.
+    ``points`` (P, 2) on it as (u, v); ``box`` is (left, top, right, bottom) or None. At least one point or a box.
     """
 
     points: FloatArray
-    positive: NDArray[np.bool_]
     box: tuple[float, float, float, float] | None = None
 
 
@@ -171,7 +169,7 @@ def _asked(
 
 def _segmented(segment: Segment, clicks: Sequence[tuple[float, float]]) -> tuple[BoolArray, float] | None:
     """The best mask that holds most clicks, and its score; None if all are empty, unsure or the background."""
-    answer = segment([Prompt(np.array(clicks), np.ones(len(clicks), dtype=bool))])
+    answer = segment([Prompt(np.array(clicks))])
     columns, rows = np.array(clicks).astype(int).T
     found = [
         (score + float(mask[rows, columns].mean()), np.asarray(mask), float(score))

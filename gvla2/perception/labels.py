@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.geometry.views import Observation, View
@@ -133,8 +134,8 @@ class CropReader:
         return [self._read(obj, observation) for obj in objects]
 
     def _read(self, obj: SceneObject, observation: Observation) -> Naming:
-        crops = sorted((crop_of(view, obj) for view in observation.views), key=lambda c: -c[0])
-        shown = [png_bytes(_enlarged(crop, self._longest)) for pixels, crop in crops[:CROPS] if pixels]
+        crops = sorted((crop_of(view, obj, MARGIN) for view in observation.views), key=lambda c: -c[2])
+        shown = [png_bytes(_enlarged(crop, self._longest)) for _, crop, pixels in crops[:CROPS] if pixels]
         if not shown:
             return Naming("", 0.0, why="No picture shows it.")
         size = " x ".join(f"{1e3 * side:.0f}" for side in obj.extents)
@@ -153,17 +154,20 @@ class CropReader:
         return Naming(name, sure) if name else Naming("", 1.0 - sure, why="The model does not know it.")
 
 
-def crop_of(view: View, obj: SceneObject) -> tuple[int, np.ndarray]:
-    """How many pixels of a picture show an object's points, and the part of the picture around them."""
+def crop_of(view: View, obj: SceneObject, margin: float) -> tuple[NDArray[np.int_], NDArray[np.uint8], int]:
+    """The part of a picture around an object, with a ``margin`` as a share of its longer side: its upper left corner
+    (2,) as x and y, its image (H, W, 3), empty if it shows less than three of the object's points, and how many pixels
+    show these.
+    """
     uv, _ = view.camera.project(obj.points)
     inside = uv[view.camera.inside(uv)]
     if len(inside) < 3:
-        return 0, view.image[:0, :0]
+        return np.zeros(2, int), view.image[:0, :0], 0
     low, high = inside.min(axis=0), inside.max(axis=0)
-    room = MARGIN * float((high - low).max()) + 2
-    left, top = np.floor(np.maximum(low - room, 0)).astype(int)
+    room = max(1.0, margin * float((high - low).max()))
+    left, top = corner = np.floor(np.maximum(low - room, 0)).astype(int)
     right, bottom = np.ceil(high + room).astype(int)
-    return len(np.unique(np.floor(inside), axis=0)), view.image[top:bottom, left:right]
+    return corner, view.image[top:bottom, left:right], len(np.unique(np.floor(inside), axis=0))
 
 
 def _enlarged(crop: np.ndarray, longest: int) -> Image.Image:

@@ -14,7 +14,7 @@ from PIL import Image
 from gvla2.errors import MissingDependencyError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View
-from gvla2.perception.labels import Naming
+from gvla2.perception.labels import Naming, crop_of
 from gvla2.planning.scene import PRINTED, Scene, SceneObject
 
 CROP = 480
@@ -83,7 +83,7 @@ class TextReader:
 
     def _lines(self, obj: SceneObject, view: View, points: FloatArray) -> Iterator[_Line]:
         """The lines of text on an object in a picture; ``points`` (H, W, 3) is what its camera sees, in the world."""
-        corner, crop = _crop(obj, view)
+        corner, crop, _ = crop_of(view, obj, MARGIN)
         if min(crop.shape[:2]) < LEAST:
             return
         factor = min(CROP / max(crop.shape[:2]), ENLARGED)
@@ -132,19 +132,6 @@ def _best(lines: Sequence[_Line]) -> list[_Line]:
         if not any(other.covers(line) for other in kept):
             kept.append(line)
     return kept
-
-
-def _crop(obj: SceneObject, view: View) -> tuple[NDArray[np.int_], NDArray[np.uint8]]:
-    """The upper left corner (x, y) and the pixels of the part of a picture that shows an object."""
-    uv, _ = view.camera.project(obj.points)
-    inside = uv[view.camera.inside(uv)]
-    if not len(inside):
-        return np.zeros(2, int), view.image[:0, :0]
-    low, high = inside.min(axis=0), inside.max(axis=0)
-    room = MARGIN * float((high - low).max())
-    left, top = np.floor(np.maximum(low - room, 0)).astype(int)
-    right, bottom = np.ceil(high + room).astype(int)
-    return np.array([left, top]), view.image[top:bottom, left:right]
 
 
 def _stretched(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.component import described
 from gvla2.errors import ConfigurationError
-from gvla2.plugins.kinds import KINDS, NONE
+from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK
 from gvla2.plugins.registry import Registry
 from gvla2.robot.options import TaskConfig
 
@@ -44,10 +44,7 @@ def build_components(
             f"camera={camera} does nothing with robot={robot}, which has cameras of its own. Robots that take one: "
             f"{', '.join(takers) or 'none is installed'}."
         )
-    task, perceiver = (getattr(config, kind, None) for kind in ("task", "perceiver"))
-    if isinstance(task, TaskConfig) and getattr(perceiver, "gallery", None) == "":
-        root: Any = config
-        config = replace(root, perceiver=replace(root.perceiver, gallery=task.known_objects))
+    config = with_known_objects(config, registry)
     built: dict[str, Any] = {}
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
     branch, refines = branch or BranchOptions(), registry.chosen(config, "reconstructor") != NONE
@@ -69,6 +66,18 @@ def build_components(
         language=built.get("language"),
         plugins={kind: offer.plugin.name for kind, offer in offers.items() if offer is not None},
     )
+
+
+def with_known_objects(config: Any, registry: Registry) -> Any:
+    """The configuration, a dataclass or a mapping, with the task's known objects as the gallery of its perceiver."""
+    perceiver = config.get("perceiver") if isinstance(config, Mapping) else getattr(config, "perceiver", None)
+    name = registry.chosen(config, "task")
+    if getattr(perceiver, "gallery", None) != "" or name in ("", NONE) or OWN_TASK in name:
+        return config
+    task, _ = registry.configure(config, "task")
+    known = task.known_objects if isinstance(task, TaskConfig) else ""
+    taught = {"perceiver": replace(perceiver, gallery=known)}
+    return {**config, **taught} if isinstance(config, Mapping) else replace(config, **taught)
 
 
 def _refuse_unused(config: object, registry: Registry, branch: BranchOptions) -> None:

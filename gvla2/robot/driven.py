@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation, View, Viewpoint, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
@@ -74,6 +76,23 @@ class DrivenRobot(ABC):
     ) -> ExecutionReport:
         """Move through the waypoints, planning around the perceived scene; stops at the first that fails."""
         return execute(trajectory, scene, self.arm, self.driver("moved"), listener, self.options)
+
+    def joint_target(self, joints: FloatArray, opening: float, seconds: float) -> FloatArray:
+        """Joints (dof,), radians, brought within the arm's limits: the target of a :class:`gvla2.robot.driver.Servo`.
+
+        Raises :class:`gvla2.errors.RobotError` for another shape, numbers that are not finite, or negative seconds.
+        """
+        target = np.asarray(joints, dtype=np.float64)
+        if (
+            target.shape != (self.arm.dof,)
+            or not np.isfinite([*target, opening, seconds]).all()
+            or seconds < 0
+        ):
+            raise RobotError(
+                f"{self.model.robot} is driven to finite joints ({self.arm.dof},) for 0 seconds or more, got shape "
+                f"{target.shape}, an opening of {opening} and {seconds} s."
+            )
+        return np.clip(target, *self.arm.limits)
 
     def success_check(self) -> SuccessCheck | None:
         """None: unknown."""

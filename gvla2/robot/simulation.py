@@ -220,7 +220,7 @@ class SimulatedRobot(DrivenRobot):
         """Drive the arm by joint targets; see :class:`gvla2.robot.driver.Servo`."""
         driver = self.driver("moved")
         driver.film = _nothing
-        driver.servo(np.asarray(joints, dtype=np.float64), opening, seconds)
+        driver.servo(self.joint_target(joints, opening, seconds), opening, seconds)
         return self.driver("moved").state()
 
     def reached(self) -> bool:

@@ -73,13 +73,13 @@ class Hold:
     part: str = ""
 
 
-def has_hold(theme: SceneObject, hand: Hand, options: GraspOptions = DEFAULT) -> bool:
+def has_hold(theme: SceneObject, hand: Hand) -> bool:
     """Whether the hand fits around the whole object, around a slimmer part of its height, or over its wall."""
-    if _holds(theme, hand, options):
+    if _holds(theme, hand, DEFAULT):
         return True
     upper = theme.points[theme.points[:, 2] > theme.top - deepest(hand)]
     slim = np.ptp(spans(upper[:, :2], YAW_ANGLES), axis=0).min() if len(upper) >= FEWEST else np.inf
-    return bool(slim + options.clearance <= hand.max_width)
+    return bool(slim + DEFAULT.clearance <= hand.max_width)
 
 
 def _holds(theme: SceneObject, hand: Hand, options: GraspOptions) -> list[Hold]:

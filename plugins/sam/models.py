@@ -71,7 +71,9 @@ class Sam2Onnx:
 
 
 def _encoded(prompts: list[Prompt], size: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Points (K, P, 2) in pixels of the square, and their labels (K, P); a box is two points labelled 2 and 3."""
+    """Points (K, P, 2) in pixels of the square, and their labels (K, P): 1 for a click, 2 and 3 for a box's corners, -1
+    for none.
+    """
     stretch = np.array([SIDE / size[1], SIDE / size[0]])
     longest = max(len(p.points) + 2 * (p.box is not None) for p in prompts)
     coordinates = np.zeros((len(prompts), longest, 2), np.float32)
@@ -79,7 +81,7 @@ def _encoded(prompts: list[Prompt], size: tuple[int, int]) -> tuple[NDArray[np.f
     for k, prompt in enumerate(prompts):
         corners = np.zeros((0, 2)) if prompt.box is None else np.array(prompt.box).reshape(2, 2)
         points = np.concatenate([corners, prompt.points.reshape(-1, 2)]) * stretch
-        marks = [2, 3][: len(corners)] + [int(p) for p in prompt.positive]
+        marks = [2, 3][: len(corners)] + [1] * len(prompt.points)
         coordinates[k, : len(points)], labels[k, : len(points)] = points, marks
     return coordinates, labels
 

@@ -122,7 +122,7 @@ def prompt_for(own: BoolArray) -> Prompt:
     depth = distance_transform_edt(np.pad(own, 1))[1:-1, 1:-1]
     row, column = np.unravel_index(int(np.argmax(depth)), own.shape)
     box = (float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1))
-    return Prompt(np.array([[column + 0.5, row + 0.5]]), np.array([True]), box)
+    return Prompt(np.array([[column + 0.5, row + 0.5]]), box)
 
 
 def best_mask(answer: Segments, own: BoolArray, others: BoolArray) -> tuple[BoolArray, float]:

@@ -193,17 +193,8 @@ class SapienArm(DrivenRobot):
 
     def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
         """Drive the arm by joint targets; see :class:`gvla2.robot.driver.Servo`."""
-        driver, target = self.driver("moved"), np.asarray(joints, dtype=np.float64)
-        if (
-            target.shape != (self._arm.dof,)
-            or not np.isfinite([*target, opening, seconds]).all()
-            or seconds < 0
-        ):
-            raise RobotError(
-                f"{self._cell.robot} is driven to finite joints ({self._arm.dof},) for 0 seconds or more, got shape "
-                f"{target.shape}, an opening of {opening} and {seconds} s."
-            )
-        driver.servo(np.clip(target, *self._arm.limits), opening, seconds)
+        driver = self.driver("moved")
+        driver.servo(self.joint_target(joints, opening, seconds), opening, seconds)
         self._sane_world("moved")
         return driver.state()
 

@@ -92,9 +92,8 @@ class ByColour:
         masks = []
         for prompt in prompts:
             mask = np.zeros(image.shape[:2], dtype=bool)
-            for (u, v), positive in zip(prompt.points, prompt.positive, strict=True):
-                alike = np.linalg.norm(image - image[int(v), int(u)], axis=-1) < self.tolerance
-                mask = mask | alike if positive else mask & ~alike
+            for u, v in prompt.points:
+                mask |= np.linalg.norm(image - image[int(v), int(u)], axis=-1) < self.tolerance
             if prompt.box is not None:
                 rows, columns = np.indices(mask.shape)
                 left, top, right, bottom = prompt.box

@@ -30,8 +30,8 @@ def test_boxes_and_clicks_draw_the_blocks(weights):
     rows, columns = np.nonzero(truth)
     box = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
     picture = Sam2Onnx(str(weights)).encode(view.image)
-    middle = Prompt(np.array([[columns.mean() + 0.5, rows.mean() + 0.5]]), np.array([True]))
-    answer = picture([Prompt(np.zeros((0, 2)), np.zeros(0, bool), tuple(map(float, box))), middle])
+    middle = Prompt(np.array([[columns.mean() + 0.5, rows.mean() + 0.5]]))
+    answer = picture([Prompt(np.zeros((0, 2)), tuple(map(float, box))), middle])
     for masks, scores in zip(answer.masks, answer.scores, strict=True):
         overlaps = [(m & truth).sum() / (m | truth).sum() for m in masks]
         assert max(overlaps) > 0.9

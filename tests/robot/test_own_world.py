@@ -15,7 +15,7 @@ from gvla2.commands import worlds
 from gvla2.commands.bench import run_bench
 from gvla2.commands.hydra_job import composed
 from gvla2.commands.run import run_episodes
-from gvla2.errors import ConfigurationError, SimulationError, UnknownComponentError
+from gvla2.errors import ConfigurationError, RobotError, SimulationError, UnknownComponentError
 from gvla2.evaluation.suites.robot_design import designs
 from gvla2.plugins.registry import load_plugins
 from gvla2.robot.backend import SuccessCheck
@@ -129,6 +129,10 @@ def test_the_simulator_of_the_page_lifts_its_cube_in_sixty_lines(tmp_path: Path)
         check_robot(robot)
         robot.reset("toy/lift", 0)
         assert robot.success_check().relaxed is False
+        with pytest.raises(RobotError, match="driven to finite joints"):
+            robot.servo(robot.arm.home * np.nan, 1.0, 0.05)
+        with pytest.raises(RobotError, match=r"got shape \(3,\)"):
+            robot.servo(np.zeros(3), 1.0, 0.05)
         robot._world.joints = robot.arm.home * np.nan
         with pytest.raises(SimulationError, match="blown up and cannot be observed"):
             robot.observe()

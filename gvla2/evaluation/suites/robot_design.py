@@ -74,7 +74,8 @@ SETTING = (
 MEASURING_CODE = (
     "gvla2.episode", "gvla2.evaluation.arms", "gvla2.evaluation.suites.robot", "gvla2.evaluation.suites.robot_episodes",
     "gvla2.evaluation.suites.robot_conditions", "gvla2.evaluation.suites.robot_stress", "gvla2.geometry",
-    "gvla2.memory", "gvla2.perception", "gvla2.planning", "gvla2.reconstruction", "gvla2.robot", "gvla2.skills",
+    "gvla2.memory", "gvla2.perception", "gvla2.planning", "gvla2.plugins.assembly", "gvla2.reconstruction",
+    "gvla2.robot", "gvla2.skills",
 )  # fmt: skip
 """Code whose change outdates stored rows, besides the chosen plugins."""
 ASKING_CODE = ("gvla2.language",)

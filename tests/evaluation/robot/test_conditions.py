@@ -11,6 +11,8 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.suites.robot_conditions import Reworded, sentences_of
 from gvla2.evaluation.suites.robot_design import TASKS, designs, subjects
+from gvla2.evaluation.suites.robot_episodes import chosen_components
+from gvla2.plugins.assembly import with_known_objects
 from gvla2.testing.robot import SITE
 from tests.composing import bench_config
 
@@ -24,7 +26,13 @@ def test_the_default_bench_measures_what_users_meet(registry, monkeypatch, caplo
     found = subjects(config, registry)
     assert list(found) == [*TASKS, "tabletop_objects"]
     assert {task["distractors"] for task in found.values()} == {2}
-    assert found["tabletop_objects"]["objects"] == {"root": str(DATA / "ycb30")}
+    scans = {"root": str(DATA / "ycb30")}
+    assert found["tabletop_objects"]["objects"] == scans
+    for name, gallery in (("tabletop_objects", scans["root"]), ("open_jar", "")):
+        chosen = with_known_objects(chosen_components(config, found[name]), registry)
+        assert chosen["perceiver"].gallery == gallery, (
+            "the sentence names the scan, so the robot has to know it"
+        )
     (design,) = designs(config, registry)
     factors = design.plan[0].factors
     assert (factors["depth_noise"].split()[0], factors["distractors"], factors["sentences"]) == (
