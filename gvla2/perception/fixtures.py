@@ -44,7 +44,7 @@ LEVELS = (-1, 0, 1)
 SUNK = 0.03
 """Metres by which a fixture may reach below the table."""
 FEW = 60
-"""Least cells in which a scan's surface and the seen points meet."""
+"""Minimum number of cells in which a scan's surface and the seen points meet."""
 NEARBY = 0.02
 """Metres around a placed scan within which seen points are laid onto it."""
 SPREAD = 0.008

@@ -19,7 +19,7 @@ BoolArray = NDArray[np.bool_]
 REACH = 2
 """Pixels either way that a depth is filled in from."""
 FEWEST = 4
-"""Least known pixels of one colour for a depth to be filled in."""
+"""Minimum number of known pixels of one colour for a depth to be filled in."""
 ALIKE = 24
 """Levels of 255, in each channel, by which pixels of one surface differ at most."""
 STRAIGHT = 0.006

@@ -43,7 +43,7 @@ from gvla2.planning.colours import appearance
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
 LEAST = 40
-"""Least seen points for an object to be recognised."""
+"""Minimum number of seen points for an object to be recognised."""
 THIN = 0.004
 """Height above the table, metres, below which a body is paint or an edge of the table to every camera."""
 LEAST_SHARED = 0.12
@@ -70,7 +70,7 @@ even if it would rest on its side as well."""
 MORE = 4.0
 """Log-odds for each e-fold more of the seen surface that one explains."""
 LEAST_SHOWN, MOSTLY = 250, 0.7
-"""Least seen points on such an object, and the share of them that must lie on no other."""
+"""Minimum number of seen points on such an object, and the share of them that must lie on no other."""
 
 
 @dataclass(frozen=True)

@@ -30,11 +30,11 @@ from gvla2.planning.colours import appearance
 from gvla2.planning.scene import PartJoint
 
 POINTS, MOST_SAMPLES, SPACING = 3000, 12_000, 0.006
-"""Least and most samples of a scan's surface; between them, one for each square of this side, metres."""
+"""Minimum and maximum number of samples of a scan's surface; between them, one for each square of this side, metres."""
 LARGEST = 3.0
 """A scan with a longest side above this is in millimetres: nothing on a table is 3 m long."""
 MOST_RESTS, LIKELY = 14, 0.99
-"""Most resting poses tried, and the share of the total probability that they cover."""
+"""Maximum number of resting poses tried, and the share of the total probability that they cover."""
 FLAT = 1e-6
 """Thickness over length of a scan below which it has no hull."""
 TRUNCATED = 0.02

@@ -37,7 +37,7 @@ ONE_SURFACE = 0.015
 MARGIN = 0.004
 """Metres around an object's box within which a pixel is its own."""
 LEAST = 150
-"""Least pixels that show an object to be taught."""
+"""Minimum number of pixels that show an object to be taught."""
 TOP = 0.01
 """Metres below the highest points that are an object's top."""
 BESIDE = np.stack(np.meshgrid([-0.002, 0.0, 0.002], [-0.002, 0.0, 0.002]), axis=-1).reshape(-1, 2)

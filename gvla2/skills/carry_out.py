@@ -269,7 +269,7 @@ def varied(
 
 
 MOST_OBJECTS = 3
-"""Most objects in one trajectory: it has at most 20 waypoints, and each object takes six."""
+"""Maximum number of objects in one trajectory: it has at most 20 waypoints, and each object takes six."""
 WIDE = 0.06
 """A container's opening is wider than this, metres, so that objects fit side by side."""
 INTO = ("", "on", "in", "to")
