@@ -185,7 +185,7 @@ def _by_suite(
             for column, some in found.items()
         }
         theirs = (one["success"].get(name) for _, one in others)
-        reported = (NOT_REPORTED if rate is None else text_cell(rate) for rate in theirs)
+        reported = (NOT_REPORTED if each is None else text_cell(each) for each in theirs)
         rows.append(
             SheetRow(f"{name}{_saturated(own)}", (*(_rate(some, 0) for some in own.values()), *reported))
         )
