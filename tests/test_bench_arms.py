@@ -8,6 +8,7 @@ from gvla2.commands.bench import as_overrides
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.arms import chosen_arms
 from gvla2.evaluation.suites.robot_design import designs, subjects, world_of
+from gvla2.reconstruction.options import VARIANTS
 from tests.composing import bench_config
 
 
@@ -33,11 +34,24 @@ def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_liste
         (["arms.mine={memory: off, admission: false}"], "'off' has no such option"),
         (["arms.mine=3"], "give options"),
         (["arms.mine={memory: off, replan: yes}"], "a count"),
+        (["arms.mine={memory: off, geometry: hull}"], "one of none, baseline, a_prior_appearance"),
+        (["arms.off.geometry=ab_fusion", "arms=[off]"], "need a reconstructor"),
     ],
 )
 def test_errors_of_arms_list_the_available_ones(registry, arguments, message):
     with pytest.raises(ConfigurationError, match=message):
-        chosen_arms(config_of(registry, *arguments), registry)
+        designs(config_of(registry, *arguments), registry)
+
+
+def test_rows_of_refined_geometry_are_arms_beside_perceived_boxes(registry):
+    config = bench_config(registry, "experiment=geofuse_robot", "layouts=[0]", "tasks=[pick_and_lift]")
+    (design,) = designs(config, registry)
+    shown = {one.arm.name: one.factors["geometry"] for one in design.plan}
+    assert shown == {"off": "none"} | {name: name for name in VARIANTS}
+    assert len({key for one in design.plan for key in one.keys}) == 2 * len(design.plan)
+    assert not any(one.factors.get("variant") for one in design.plan)
+    stages = [name for name, on in vars(config.branch.row("a_soft_hull")).items() if on is True]
+    assert stages == ["prior", "appearance", "soft_hull"]
 
 
 def test_two_variants_of_one_memory_share_no_cell(registry):
@@ -106,7 +120,7 @@ def test_an_option_of_another_suite_is_refused_with_those_that_there_are(capsys)
         (
             "reconstructor=hull",
             "components",
-            "reconstructor hull, prior depth, axis contours, fusion residual, renderer numba",
+            "reconstructor hull, axis contours, fusion residual, renderer numba",
         ),
         ("exploration_seeds=[5,6]", "learning", "exploration_seeds=[5, 6]"),
         ("retriever.top_k=1", "learning", "retriever hybrid (top_k=1)"),

@@ -50,6 +50,10 @@ def test_every_file_of_conf_is_a_choice_that_composes():
         group, name = choice.parent.as_posix(), choice.name
         text = (CONF / choice).with_suffix(".yaml").read_text()
         suite = re.search(r"(?m)override /bench_suite: \w+|^  - \w+$", text)  # itself, or by another preset
+        robots = suite and "bench_suite: robot" in text
+        assert not robots or "override /conditions: " in text, (
+            f"{choice}: its figures must not depend on a default"
+        )
         if group == "conditions":
             composed("bench_suite=robot", f"conditions={name}", command="bench")
         elif suite or group in ("bench_suite", "data"):

@@ -70,10 +70,9 @@ class BenchArm:
     @property
     def variant(self) -> str:
         """How it differs from the plain arm of its name: "governed, admission=False"; "" if it does not."""
-        plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
+        plain = self.geometry or self.source == self.name or MEMORY_OF.get(self.name) == self.source
         options = dict(sorted(self.options.items()))
         options |= {} if self.replan is None else {"replan": self.replan}
-        options |= {"geometry": self.geometry} if self.geometry else {}
         return ", ".join([*([] if plain else [self.source]), *(f"{k}={v}" for k, v in options.items())])
 
 

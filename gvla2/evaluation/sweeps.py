@@ -145,7 +145,7 @@ def _rates(members: Sequence[Cell]) -> dict[Layout, float]:
 
 def _of(rates: Mapping[Layout, float], task: str) -> list[float]:
     """The rates of a task's layouts."""
-    return [rate for (name, _), rate in rates.items() if name == task]
+    return [share for (name, _), share in rates.items() if name == task]
 
 
 def _failures(rows: Mapping[str, Sequence[Cell]]) -> Sheet:

@@ -27,7 +27,7 @@ from gvla2.record.text import count
 
 PLANNER = ("planner", "model")
 """Factors that the arms of a comparison share, besides the setting."""
-EPISODE = (*PLANNER, "task", "arm", "variant", "learning", "profile", "seed", "episode")
+EPISODE = (*PLANNER, "task", "arm", "variant", "geometry", "learning", "profile", "seed", "episode")
 """Factors that distinguish the episodes of a setting."""
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
@@ -123,7 +123,8 @@ def _of_setting(
         sheets += [_success(columns, tasks, one, f"{title}: success, {one}") for one in PROFILES]
     for found in grouped(cells, *PLANNER).values():
         if len(grouped(found, "arm")) > 1:
-            sheets.append(_effects(found, f"{_title(found, (*SETTING, *PLANNER))}: what memory adds"))
+            added = "geometry" if any(cell.factors.get("geometry") for cell in found) else "memory"
+            sheets.append(_effects(found, f"{_title(found, (*SETTING, *PLANNER))}: what {added} adds"))
     sheets.append(_failures(columns, f"{title}: failures"))
     counted = f"{count(len(tasks), 'task')}, {count(len(_of_profile(cells, PROFILES[0])), 'episode')}"
     return [replace(sheet, counts=counted, runs=runs_of(cells)) for sheet in sheets]
@@ -184,7 +185,7 @@ def _by_suite(
             for column, some in found.items()
         }
         theirs = (one["success"].get(name) for _, one in others)
-        reported = (NOT_REPORTED if rate is None else text_cell(rate) for rate in theirs)
+        reported = (NOT_REPORTED if each is None else text_cell(each) for each in theirs)
         rows.append(
             SheetRow(f"{name}{_saturated(own)}", (*(_rate(some, 0) for some in own.values()), *reported))
         )

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.suites.robot_tables import robot_sheets
+from gvla2.evaluation.tables import to_latex, to_markdown
 
 
 def cell(
-    task: str, arm: str, episode: int, done: bool, profile: str = "relaxed", seed: int = 0, **notes
+    task: str, arm: str, episode: int, done: bool, profile: str = "relaxed", seed: int | str = 0, **notes
 ) -> Cell:
     factors = {
         "task": task, "arm": arm, "profile": profile, "seed": seed, "episode": episode, "robot": "sapien_panda",
@@ -135,3 +136,92 @@ def test_suites_and_their_groups_stand_beside_what_others_published(tmp_path):
     (film,) = failures.films
     assert film.caption == "bowls/0, layout 7: It slipped."
     assert film.file.endswith("episode/episode.mp4")
+
+
+def asked(planner: str, task: str, episode: int, done: bool | None, arm: str = "off", **more) -> Cell:
+    """An episode of a planner, which asks a model unless it is ``skill``, on a named layout."""
+    asks = planner != "skill"
+    spent = {
+        "planning_seconds": 4.0 + episode if asks else 0.1, "calls": 2.0 * asks, "cached": 0,
+        "prompt_tokens": 300.0 * asks, "completion_tokens": 12.0 * asks,
+    }  # fmt: skip
+    spent |= {name: more.pop(name) for name in list(more) if name in spent}
+    model = more.pop("model", "small" if asks else "")
+    failure = "" if done else "abstained"
+    made = cell(
+        task, arm, episode, bool(done), seed="layouts", **{"failure": failure, "verdict": "uncertain", **more}
+    )
+    factors = {**made.factors, "planner": planner, "model": model}
+    return replace(
+        made, key=repr(factors), factors=factors, measures={**made.measures, **spent, "success": done}
+    )
+
+
+BOTH = [
+    *(asked("skill", task, place, True) for task in ("put_block", "lamp_on") for place in range(3)),
+    *(asked("agent3d", "put_block", place, place == 0) for place in range(3)),
+    *(asked("agent3d", "lamp_on", place, False) for place in range(3)),
+]
+
+
+def test_planners_are_columns_with_their_costs_below():
+    relaxed, strict, failures = robot_sheets(BOTH)
+    assert relaxed.headings == ("skill", "agent3d"), "in the order of the bench"
+    assert text_of(relaxed, "put_block", "agent3d") == ("33.3", "[6, 79] 1/3")
+    assert text_of(relaxed, "put_block", "skill") == ("100.0", "[44, 100] 3/3")
+    assert text_of(relaxed, "mean over tasks", "agent3d") == ("16.7", "named layouts; 1 of 2 tasks above 0")
+    assert text_of(relaxed, "prompt + answer tokens an episode", "agent3d") == ("300 + 12",)
+    assert text_of(relaxed, "planning seconds, median", "agent3d") == ("5.0",)
+    assert text_of(relaxed, "calls an episode", "skill") == ("0.0",)
+    assert text_of(relaxed, "against the first column", "agent3d") == ("too few pairs to show any",)
+    assert "tokens" not in "".join(row.label for row in strict.rows), "costs are reported once"
+    assert text_of(failures, "abstained", "agent3d") == ("5",)
+    assert "300 + 12" in to_markdown(robot_sheets(BOTH))
+    assert "300 + 12" in to_latex(robot_sheets(BOTH))
+
+
+def test_an_episode_that_was_not_measured_counts_nowhere_and_is_reported():
+    late = asked("agent3d", "put_block", 3, None, failure="timeout", planning_seconds=900.0)
+    relaxed, *_, failures = robot_sheets([*BOTH, late])
+    assert text_of(relaxed, "put_block", "agent3d") == ("33.3", "[6, 79] 1/3")
+    assert text_of(relaxed, "not measured", "agent3d") == ("1",)
+    assert "timeout" not in {row.label for row in failures.rows}
+    alone = robot_sheets([asked("skill", "lamp_on", 0, True), asked("agent3d", "lamp_on", 0, None)])[0]
+    assert text_of(alone, "lamp_on", "agent3d") == ("not measured",)
+    assert text_of(alone, "mean over tasks", "agent3d") == ("not measured",)
+
+
+def test_cached_answers_fallbacks_and_uncounted_tokens_are_no_savings():
+    free = {"calls": 0.0, "prompt_tokens": 0.0, "completion_tokens": 0.0}
+    unknown = {"prompt_tokens": None, "completion_tokens": None}
+    relaxed = robot_sheets(
+        [
+            asked("agent3d", "insert_block", 0, True, cached=2.0, **free),
+            asked("agent3d, then skill", "open_jar", 0, True, fallback="skill", **unknown),
+        ]
+    )[0]
+    assert text_of(relaxed, "answers from the cache", "agent3d") == ("2",)
+    assert text_of(relaxed, "prompt + answer tokens an episode", "agent3d, then skill") == ("not counted",)
+    assert text_of(relaxed, "episodes with the fallback", "agent3d, then skill") == ("1",)
+    assert text_of(relaxed, "open_jar", "agent3d") == ("not measured",)
+
+
+def test_episodes_with_second_tries_are_counted_with_their_successes():
+    tried = [asked("skill", "put_block", place, place == 0, second_tries=1) for place in (0, 1, 2)]
+    relaxed = robot_sheets(
+        [*tried, asked("skill", "put_block", 3, True), asked("agent3d", "put_block", 0, True)]
+    )[0]
+    assert text_of(relaxed, "second tries", "skill") == ("1 of 3 won",)
+    assert "second tries" not in {row.label for row in robot_sheets(BOTH)[0].rows}
+
+
+def test_models_and_arms_are_columns_of_their_own():
+    by_two = [*BOTH, asked("agent3d", "lamp_on", 0, True, model="large")]
+    assert robot_sheets(by_two)[0].headings == ("skill", "agent3d by small", "agent3d by large")
+    taught = [asked("agent3d", "lamp_on", place, place == 0, "on") for place in range(3)]
+    relaxed, _, effects, failures = robot_sheets([*BOTH, *taught])
+    assert relaxed.headings == ("skill, memory off", "agent3d, memory off", "agent3d, memory on")
+    assert text_of(relaxed, "lamp_on", "agent3d, memory on")[0] == "33.3"
+    assert failures.headings == relaxed.headings
+    assert "planner agent3d, model small" in effects.title
+    assert [row.label for row in effects.rows] == ["on against off"]
