@@ -171,12 +171,11 @@ def run_episode(
         choices=components.choices,
     )
     run = _Run(components, request, listener)
-    setup: _Stages = {"setup": _set_up}
     judged: _Stages = {"success_check": _check_success}
     if (policy := components.policy) is not None:
         driven: _Stages = {"execute": lambda r, run: roll_out(r, policy, run.robot, run.moving())}
-        return _go_through({**setup, **driven, **judged}, record, run)
-    record = _to_the_end(_go_through({**setup, **_ONCE}, record, run), run)
+        return _go_through({"setup": _set_up, **driven, **judged}, record, run)
+    record = _to_the_end(_go_through({"setup": _set_up, **_ONCE}, record, run), run)
     for _ in range(request.replan):
         if not should_replan(record, components.skills):
             break
@@ -269,8 +268,7 @@ def _another(record: EpisodeRecord, run: _Run) -> tuple[EpisodeRecord, bool]:
     record = _go_through(_AGAIN, record, run)
     broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
     if record.report is None and not broken:
-        record = previous_attempt_stands(record)
-        return record, False
+        return previous_attempt_stands(record), False
     return record, record.report is not None
 
 
