@@ -164,9 +164,7 @@ def _pairs(
 Place = TypeVar("Place", bound=tuple[str, ...])
 
 
-def pairs_by_task(
-    first: Mapping[Place, float], second: Mapping[Place, float]
-) -> dict[str, list[Pair]]:
+def pairs_by_task(first: Mapping[Place, float], second: Mapping[Place, float]) -> dict[str, list[Pair]]:
     """By task, the first part of a place, the places that both have: which of both did better there."""
     pairs: dict[str, list[Pair]] = {}
     for place in sorted(first.keys() & second.keys()):
