@@ -18,7 +18,7 @@ from gvla2.geometry.views import Observation, View
 from gvla2.gym.actions import JointActions, JointPositions
 from gvla2.planning.arm import Arm
 from gvla2.plugins.registry import load_plugins
-from gvla2.robot.backend import Truthful
+from gvla2.robot.backend import HasTrueState
 from gvla2.robot.task import Profile, TaskInstance
 
 INSTRUCTION = "instruction"
@@ -186,7 +186,7 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     def _lay_out(self, seed: int, instruction: str | None) -> None:
         self._instance = None
         instance = self._robot.reset(self._task, seed, instruction) or TaskInstance(instruction or "")
-        if not self.shows_pictures and not isinstance(self._robot, Truthful):
+        if not self.shows_pictures and not isinstance(self._robot, HasTrueState):
             raise ConfigurationError(
                 f"The robot '{self.robot_name}' does not expose the true state of its world: choose obs_mode='rgbd'."
             )

@@ -6,8 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from gvla2.errors import Gvla2Error, reading
 from gvla2.gym.env import TaskEnv
 
@@ -39,10 +37,11 @@ def replay(
         raise Gvla2Error(
             f"Episode {episode} of '{dataset}' doesn't say its task and seed: give task= and seed=."
         )
-    mode: dict[str, Any] = {"control": "joint_position", "obs_mode": "state", "robot": info["robot_type"]}
+    mode: dict[str, Any] = {"control": "joint_position", "robot": info["robot_type"]}
     env = TaskEnv(task, **(mode | options))
     try:
         env.reset(seed=seed)
-        return any(env.step(np.array(action, np.float32))[2] for action in actions)
+        steps = (env.actions.step(action) for action in actions)  # no pictures
+        return any(getattr(done, options.get("profile", "relaxed")) for done in steps)
     finally:
         env.close()

@@ -170,14 +170,19 @@ class DepthCamera(Protocol):
 
 @runtime_checkable
 class Truthful(Protocol):
-    """A simulated robot that exposes the true state of its world, for the ``oracle`` perceiver."""
-
-    def true_state(self) -> WorldState:
-        """The state that a success check may read, live."""
-        ...
+    """A simulated robot that exposes its world as a scene, for the ``oracle`` perceiver and for reports."""
 
     def true_scene(self) -> Scene:
         """Every body of the episode as a scene object, its id the body's name."""
+        ...
+
+
+@runtime_checkable
+class HasTrueState(Protocol):
+    """A simulated robot whose world gives the poses of a task's bodies, for environments with ``obs_mode="state"``."""
+
+    def true_state(self) -> WorldState:
+        """The state that a success check may read, live."""
         ...
 
 

@@ -24,7 +24,7 @@ from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
 from gvla2.robot.executor import ExecutorOptions
 from gvla2.robot.options import SimulationConfig
 from gvla2.robot.report import ExecutionReport
-from gvla2.robot.task import Task, TaskInstance, WorldState
+from gvla2.robot.task import Task, TaskInstance
 
 JUDGE_STEPS = 100
 """Steps, within those that the world allows, that the arm holds still before a task counts as failed: what was let go
@@ -231,10 +231,6 @@ class SimulatedRobot(DrivenRobot):
         """Simulated seconds that the world still allows, infinite without a limit."""
         world = self.driver("timed").world
         return (world.max_steps - world.steps) / world.rate if world.max_steps > 0 else np.inf
-
-    def true_state(self) -> WorldState:
-        """Raises :class:`ConfigurationError`: there is no scripted demonstration that would read it."""
-        raise ConfigurationError(f"The tasks of robot={self._config.name} have no demonstrations.")
 
     def true_scene(self) -> Scene:
         """The world's bodies as scene objects, for the ``oracle`` perceiver: diagnosis only."""

@@ -10,6 +10,7 @@ import pytest
 import gvla2
 from gvla2 import Component, ComponentConfig, cli, hookimpl
 from gvla2.errors import Gvla2Error
+from tests.pages import plugin_of
 
 pytest.importorskip("gymnasium", reason="pip install 'gvla2[gym]'")
 pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
@@ -61,6 +62,16 @@ def test_the_actions_of_a_data_set_reach_the_goal_again(dataset: Path):
     assert not replay(dataset, seed=5), "another layout"
     with pytest.raises(Gvla2Error, match="no episode 3"):
         replay(dataset, 3)
+
+
+def test_so_do_those_of_a_simulator_of_ones_own(tmp_path: Path):
+    from gvla2.gym import replay
+
+    with plugin_of("your_simulator.md", 0):
+        options = {"robot": "toy", "task": "toy/lift", "memory": "none", "robot.video_fps": 20}
+        assert gvla2.run(tmp_path / "run", **options).success_check.relaxed
+        assert cli.main(["export", "lerobot", str(tmp_path), f"to={tmp_path / 'set'}"]) == 0
+        assert replay(tmp_path / "set")
 
 
 def test_a_policy_drives_until_the_goal_is_reached_and_the_record_says_how(dataset: Path, tmp_path: Path):

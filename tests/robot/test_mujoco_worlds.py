@@ -114,7 +114,11 @@ def test_joints_are_driven_as_by_the_environments_own_controller(monkeypatch):
 
 @LIBERO
 def test_a_film_is_drawn_after_the_motion_as_it_was_seen_on_the_way():
-    parts = _parts("robot=libero", "task=libero_object/3", "perceiver=oracle", "robot.video_fps=1")
+    cameras = "[robot0_eye_in_hand,agentview]"
+    parts = _parts(
+        *("robot=libero", "task=libero_object/3", "perceiver=oracle", "robot.video_fps=1"),
+        f"robot.video_cameras={cameras}",
+    )
     frames, moments = [], []
 
     class Both(SilentListener):
@@ -129,6 +133,9 @@ def test_a_film_is_drawn_after_the_motion_as_it_was_seen_on_the_way():
     assert len(later) == len(frames) > 5
     assert all(np.array_equal(one, other) for one, other in zip(frames, later, strict=True))
     assert not np.array_equal(later[0], later[-1])
+    hand, fixed = np.split(later[-1], 2, axis=1)  # side by side
+    assert hand.shape == (256, 256, 3)
+    assert not np.array_equal(hand, fixed)
     parts.robot.close()
 
 
@@ -142,6 +149,9 @@ def test_what_does_not_exist_is_said_with_what_does():
     blind = _parts("robot=libero", "task=libero_object/3", "robot.cameras=[wrist]").robot
     with pytest.raises(ConfigurationError, match="robot0_eye_in_hand"):
         blind.reset("libero_object/3", 0)
+    filmed = _parts("robot=libero", "task=libero_object/3", "robot.video_cameras=[front]").robot
+    with pytest.raises(ConfigurationError, match=r"robot.video_cameras=\['front'\] must be"):
+        filmed.reset("libero_object/3", 0)
     sentence = parts.robot.tasks()["libero_object_task/0"]
     assert (
         sentence == "Pick the cream cheese and place it in the basket"

@@ -14,14 +14,15 @@ class MujocoConfig(SimulationConfig):
 
     ``cameras`` are the model's, with square images of ``image_size`` pixels; where ``picture_size`` is larger, their
     colours can also be read with that many, as text on packages is. The film, if one is asked for, is taken by
-    the first of them with ``video_size`` pixels. ``joint_speed`` bounds the arm's joints, rad/s. ``stiffness`` is the
-    gain of the joint controller (1/s²).
+    ``video_cameras`` (the first of ``cameras`` where none is named), side by side, each with ``video_size`` pixels.
+    ``joint_speed`` bounds the arm's joints, rad/s. ``stiffness`` is the gain of the joint controller (1/s²).
     """
 
     cameras: list[str] = field(default_factory=list)
     image_size: int = 256
     picture_size: int = 0
     video_size: int = 256
+    video_cameras: list[str] = field(default_factory=list)
     joint_speed: float = 2.2
     stiffness: float = 600.0
 

@@ -54,6 +54,14 @@ def import_mujoco() -> Any:
     return mujoco
 
 
+def _check_cameras(model: Any, names: Sequence[str], option: str) -> None:
+    there = [model.camera(i).name for i in range(model.ncam)]
+    if not names or not {*names} <= {*there} or len({*names}) != len(names):
+        raise ConfigurationError(
+            f"robot.{option}={list(names)} must be one or more different names out of {', '.join(there)}."
+        )
+
+
 class ModelEyes:
     """Draws one model with its present ``data``; ``groups`` are the groups of geoms that are drawn.
 
@@ -62,12 +70,7 @@ class ModelEyes:
 
     def __init__(self, model: Any, data: Any, cameras: Sequence[str], groups: Sequence[int]) -> None:
         self._mujoco = mujoco = import_mujoco()
-        there = [model.camera(i).name for i in range(model.ncam)]
-        unknown = [name for name in cameras if name not in there]
-        if unknown or not cameras or len(set(cameras)) != len(cameras):
-            raise ConfigurationError(
-                f"robot.cameras={list(cameras)} must be one or more different names out of {', '.join(there)}."
-            )
+        _check_cameras(model, cameras, "cameras")
         self.model, self.data, self.cameras = model, data, tuple(cameras)
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = [group in groups for group in range(len(self._option.geomgroup))]
@@ -98,8 +101,8 @@ class ModelEyes:
         """(H, W, 3) what the camera sees."""
         return np.asarray(self._prepared(self.data, name, size, lit=True).render())
 
-    def draw_later(self, name: str, size: int) -> Callable[[], NDArray[np.uint8]]:
-        """A function that draws what the camera sees now, unlit, until the world's next reset."""
+    def draw_later(self, names: Sequence[str], size: int) -> Callable[[], NDArray[np.uint8]]:
+        """A function that draws what the cameras see now, side by side and unlit, until the world's next reset."""
         mujoco, whole = self._mujoco, self._mujoco.mjtState.mjSTATE_INTEGRATION
         state = np.empty(mujoco.mj_stateSize(self.model, whole))
         mujoco.mj_getState(self.model, self.data, state, whole)
@@ -107,7 +110,7 @@ class ModelEyes:
         def draw() -> NDArray[np.uint8]:
             mujoco.mj_setState(self.model, self._shown, state, whole)
             mujoco.mj_forward(self.model, self._shown)
-            return np.asarray(self._prepared(self._shown, name, size, lit=False).render())
+            return np.hstack([self._prepared(self._shown, name, size, lit=False).render() for name in names])
 
         return draw
 
@@ -157,6 +160,8 @@ class ModelWorld(Simulation):
         self.model, self.data, self.names, self._config = model, data, names, config
         self.lag = 2.0 / np.sqrt(config.stiffness)  # of a critically damped joint
         self.eyes = ModelEyes(model, data, config.cameras, self.groups)
+        self._filming = config.video_cameras or config.cameras[:1]
+        _check_cameras(model, self._filming, "video_cameras")
         names.check(model)
         self._qpos = [int(model.joint(name).qposadr[0]) for name in names.joints]
         self._dofs = [int(model.joint(name).dofadr[0]) for name in names.joints]
@@ -203,8 +208,8 @@ class ModelWorld(Simulation):
         return cache(lambda name: View(eyes.camera(name, size), eyes.picture(name, size)))
 
     def draw_later(self) -> Callable[[], NDArray[np.uint8]]:
-        """A function that draws a frame of the film, by the first camera, as the world is now."""
-        return self.eyes.draw_later(self.eyes.cameras[0], self._config.video_size)
+        """A function that draws a frame of the film as the world is now."""
+        return self.eyes.draw_later(self._filming, self._config.video_size)
 
     def true_scene(self) -> Scene:
         """The model's bodies as scene objects."""
