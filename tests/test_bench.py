@@ -3,7 +3,6 @@
 import json
 import math
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,39 +12,14 @@ from rich.console import Console
 
 from gvla2.commands import doctor
 from gvla2.commands.bench import run_bench
-from gvla2.component import Component, ComponentConfig
+from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.config import DataConfig, ReconstructionBench, ResultsConfig
 from gvla2.evaluation.engine import BenchProgress, in_processes
-from gvla2.plugins.discovery import Plugin
-from gvla2.plugins.registry import Offer, Registry
-from gvla2.reconstruction.rasteriser import Rasteriser
 from gvla2_plugins import axes, depth_prior, geofuse
 
-PLUGIN = Plugin("tests")
 FACTORS = {"object", "baseline", "drift", "variant", "seed"}
 MEASURES = {"cd_surface", "cd_official", "psnr", "ssim", "seconds"}
-
-
-@dataclass
-class PlainConfig(ComponentConfig):
-    """No options."""
-
-
-@pytest.fixture(scope="module")
-def parts() -> Registry:
-    """The real components, whichever of them are installed as plugins."""
-    offers = {
-        "reconstructor": geofuse.gvla2_reconstructors(),
-        "prior": depth_prior.gvla2_geometry_priors(),
-        "axis": axes.gvla2_axis_compensations(),
-        "fusion": geofuse.gvla2_fusion_strategies(),
-        "renderer": [Component("raster", PlainConfig, lambda config: Rasteriser())],
-    }
-    return Registry(
-        {kind: {made.name: Offer(made, PLUGIN) for made in found} for kind, found in offers.items()},
-        [PLUGIN],
-    )
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +50,7 @@ def config_for(meshes: Path, tmp_path: Path, objects: tuple[str, ...] = (), **ch
         "prior": depth_prior.DepthPriorConfig(name="depth"),
         "axis": axes.ContoursConfig(name="contours"),
         "fusion": geofuse.ShareConfig(name="residual"),
-        "renderer": PlainConfig(name="raster"),
+        "renderer": geofuse.NumbaRendererConfig(name="numba"),
         "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),
         "workers": 1,
         "quiet": True,
@@ -88,10 +62,10 @@ def rows_of(folder: Path) -> list[dict]:
     return json.loads((folder / "result.json").read_text())["rows"]
 
 
-def test_every_cell_of_the_design_is_a_row_and_is_measured_once(meshes, parts, tmp_path, capsys):
+def test_every_cell_of_the_design_is_a_row_and_is_measured_once(meshes, registry, tmp_path, capsys):
     variants = ["baseline", "ab_fusion"]  # the others switch other stages off
     config = config_for(meshes, tmp_path, ("brick",), variants=variants)
-    assert run_bench(config, parts, tmp_path / "first") == 1
+    assert run_bench(config, registry, tmp_path / "first") == 1
     rows = rows_of(tmp_path / "first")
     assert len(rows) == 2 * len(variants)
     for row in rows:
@@ -109,12 +83,12 @@ def test_every_cell_of_the_design_is_a_row_and_is_measured_once(meshes, parts, t
     assert planted["psnr"] < calm["psnr"], "the drift does harm"
     assert "A + B fusion" in (tmp_path / "first" / "index.html").read_text()
 
-    assert run_bench(config, parts, tmp_path / "second") == 1
+    assert run_bench(config, registry, tmp_path / "second") == 1
     again = rows_of(tmp_path / "second")
     assert again == rows, "the same numbers to the last digit, seconds included: nothing was run again"
 
     one = config_for(meshes, tmp_path, variants=["baseline"], drifts=["planted"], seeds=[0, 1])
-    run_bench(one, parts, tmp_path / "third")
+    run_bench(one, registry, tmp_path / "third")
     third = rows_of(tmp_path / "third")
     places = [(row["object"], row["seed"]) for row in third]
     assert places == [("brick", 0), ("brick", 1), ("pillar", 0), ("pillar", 1)]
@@ -123,24 +97,24 @@ def test_every_cell_of_the_design_is_a_row_and_is_measured_once(meshes, parts, t
 
     fresh = config_for(meshes, tmp_path, ("brick",), variants=["baseline"], drifts=["none"])
     fresh.results.fresh = True
-    run_bench(fresh, parts, tmp_path / "fourth")
+    run_bench(fresh, registry, tmp_path / "fourth")
     (row,) = rows_of(tmp_path / "fourth")
     assert (row["run"], row["object"]) == (4, calm["object"])
     assert row["cd_surface"] == calm["cd_surface"], "measuring anew gives the same"
 
 
-def test_an_object_that_cannot_be_read_is_a_failed_row_and_tried_again(meshes, parts, tmp_path):
+def test_an_object_that_cannot_be_read_is_a_failed_row_and_tried_again(meshes, registry, tmp_path):
     root = tmp_path / "objects"
     shutil.copytree(meshes, root)
     (root / "pillar" / "textured.glb").write_bytes(b"not a mesh")
     config = config_for(root, tmp_path, variants=["baseline"], drifts=["none"])
-    assert run_bench(config, parts, tmp_path / "first") == 0.5
+    assert run_bench(config, registry, tmp_path / "first") == 0.5
     good, bad = rows_of(tmp_path / "first")
     assert good["status"] == "ok"
     assert bad["status"].startswith("failed: ")
     assert bad["psnr"] is None
     shutil.copy(meshes / "pillar" / "textured.glb", root / "pillar" / "textured.glb")
-    assert run_bench(config, parts, tmp_path / "second") == 1
+    assert run_bench(config, registry, tmp_path / "second") == 1
 
 
 @pytest.mark.parametrize(
@@ -150,11 +124,13 @@ def test_an_object_that_cannot_be_read_is_a_failed_row_and_tried_again(meshes, p
         ({"drifts": ["big"]}, "No drift 'big'. Available: none, planted"),
         ({"baselines": ["hul"]}, "Did you mean 'hull'"),
         ({"baseline_options": {"hull": {"sides": 3}}}, "sides"),
+        ({"noise": ["low3"]}, "No noise 'low3'. Available: exact"),
+        ({"noise": ["low1"], "prior": ComponentConfig(name="none")}, "needs prior=depth, not none"),
     ],
 )
-def test_an_unknown_name_is_an_error_before_anything_runs(meshes, parts, tmp_path, changes, message):
+def test_what_cannot_be_is_an_error_before_anything_runs(meshes, registry, tmp_path, changes, message):
     with pytest.raises(Gvla2Error) as shown:
-        run_bench(config_for(meshes, tmp_path, **changes), parts, tmp_path / "out")
+        run_bench(config_for(meshes, tmp_path, **changes), registry, tmp_path / "out")
     assert message in str(shown.value)
     assert not (tmp_path / "out" / "result.json").exists()
 
@@ -187,15 +163,3 @@ def test_the_doctor_says_which_data_are_here_and_how_to_get_the_others(tmp_path,
     (tmp_path / "gso30" / "toy" / "render_mvs_25" / "model").mkdir(parents=True)
     (tmp_path / "gso30" / "toy" / "render_mvs_25" / "model" / "000.png").write_bytes(b"")
     assert f"gso30: 1 objects in {tmp_path / 'gso30'}" in doctor.data().found
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"noise": ["low3"]}, "No noise 'low3'. Available: exact"),
-        ({"noise": ["low1"], "prior": PlainConfig(name="none")}, "needs prior=depth, not none"),
-    ],
-)
-def test_an_option_that_does_not_apply_is_an_error(meshes, parts, tmp_path, changes, words):
-    with pytest.raises(ConfigurationError, match=words):
-        run_bench(config_for(meshes, tmp_path, **changes), parts, tmp_path / "out")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
-from typing import Literal
+from typing import Literal, TypeVar
 
 from gvla2.evaluation.results import Cell, grouped, latest, measured
 from gvla2.evaluation.statistics import (
@@ -161,9 +161,10 @@ def _pairs(
     return pairs_by_task(one, two)
 
 
-def pairs_by_task(
-    first: Mapping[tuple[str, ...], float], second: Mapping[tuple[str, ...], float]
-) -> dict[str, list[Pair]]:
+Place = TypeVar("Place", bound=tuple[str, ...])
+
+
+def pairs_by_task(first: Mapping[Place, float], second: Mapping[Place, float]) -> dict[str, list[Pair]]:
     """By task, the first part of a place, the places that both have: which of both did better there."""
     pairs: dict[str, list[Pair]] = {}
     for place in sorted(first.keys() & second.keys()):

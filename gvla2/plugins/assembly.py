@@ -72,7 +72,12 @@ def with_known_objects(config: Any, registry: Registry) -> Any:
     """The configuration, a dataclass or a mapping, with the task's known objects as the gallery of its perceiver."""
     perceiver = config.get("perceiver") if isinstance(config, Mapping) else getattr(config, "perceiver", None)
     name = registry.chosen(config, "task")
-    if getattr(perceiver, "gallery", None) != "" or name in ("", NONE) or OWN_TASK in name:
+    if (
+        perceiver is None
+        or getattr(perceiver, "gallery", None) != ""
+        or name in ("", NONE)
+        or OWN_TASK in name
+    ):
         return config
     task, _ = registry.configure(config, "task")
     known = task.known_objects if isinstance(task, TaskConfig) else ""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 from gvla2.errors import ConfigurationError
 
@@ -58,7 +59,8 @@ class BranchOptions:
     def row(self, variant: str) -> BranchOptions:
         """These options without the stages that a row of the ablation lacks."""
         absent = {*VARIANTS["ab_fusion"]} - {*VARIANTS[variant]}
-        return replace(self, **dict.fromkeys(absent, False))
+        off: dict[str, Any] = dict.fromkeys(absent, False)
+        return replace(self, **off)
 
     def changed(self) -> dict[str, str]:
         """The options that differ from the defaults, as the command line writes them."""

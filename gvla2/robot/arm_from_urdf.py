@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError, reading
 from gvla2.geometry.raycast import Surface
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
+from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.geometry.views import View
 from gvla2.planning.arm import Attachment, Clearance, Hand, IKSolution
 from gvla2.planning.scene import Box, Scene
@@ -117,8 +117,7 @@ class RobotModel:
     """An arm with its hand, as a description and options make it; metres, world frame.
 
     ``arm`` plans and checks motions. ``urdf`` and ``surfaces`` are those of the :class:`ArmDescription`; ``base_links``
-    don't move. ``hand_from_tcp`` (4, 4) is the tool centre point in the frame of the gripper's palm; closed fingers are
-    ``gap`` apart.
+    don't move. Closed fingers are ``gap`` apart.
     """
 
     robot: str
@@ -128,7 +127,6 @@ class RobotModel:
     world_from_base: FloatArray
     base_links: frozenset[str]
     gripper: Gripper
-    hand_from_tcp: FloatArray
     gap: float
 
     @cached_property
@@ -201,7 +199,6 @@ def build_arm(description: ArmDescription, config: ArmConfig, world_from_base: F
         world_from_base=world_from_base,
         base_links=frozenset(name for name, frame in frames.items() if frame.parentJoint == 0),
         gripper=gripper,
-        hand_from_tcp=invert_rigid(palm.placement.homogeneous) @ kinematics.joint_from_tcp,
         gap=max(0.0, hand.max_width - sum(abs(f.opened - f.closed) for f in gripper.fingers)),
     )
 

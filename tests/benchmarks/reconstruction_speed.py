@@ -8,7 +8,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import statistics
 import sys
 import time
@@ -40,13 +40,8 @@ def load_peer(root: str | None) -> ModuleType | None:
     path = Path(root) / SCRIPT
     if not path.is_file():
         raise SystemExit(f"peer={root} holds no {SCRIPT}: is it a checkout of GeneralVLA-2?")
-    spec = importlib.util.spec_from_file_location("released_soft_hull", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # its dataclasses look themselves up there
-    spec.loader.exec_module(module)
-    return module
+    sys.path.insert(0, str(path.parent))
+    return importlib.import_module(path.stem)
 
 
 def milliseconds(body: Callable[[], object], repeats: int) -> tuple[float, float]:
@@ -67,10 +62,9 @@ def show(work: str, ours: tuple[float, float], peer: tuple[float, float] | None)
 
 def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
     """From G0 to the output with the depth of the views as prior, and what rendering costs."""
-    closed = TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     names = {"prior": "depth", "axis": "contours", "fusion": "residual", "renderer": "numba"}
     parts = load_plugins().build_all({kind: {"name": name} for kind, name in names.items()}, tuple(names))
-    swollen = closed.with_vertices(closed.vertices * [1.04, 0.96, 1.03])
+    swollen = TriangleMesh(mesh.vertices * [1.04, 0.96, 1.03], np.asarray(mesh.faces))
     g0 = Reconstruction(surfels(swollen, count=count), swollen, "ok")
 
     def whole() -> None:
@@ -109,11 +103,8 @@ def main(arguments: list[str]) -> None:
         theirs = milliseconds(score, min(repeats, 5))
         theirs_hull = milliseconds(lambda: peer.refine_points(single, score(), Constants), min(repeats, 5))
     show("soft visual hull, scoring only", milliseconds(lambda: mask_support(points, views), repeats), theirs)
-    show(
-        "soft visual hull, scores and moved points",
-        milliseconds(lambda: soft_hull(points, mask_support(points, views), centre), repeats),
-        theirs_hull,
-    )
+    ours = milliseconds(lambda: soft_hull(points, mask_support(points, views), centre), repeats)
+    show("soft visual hull, scores and moved points", ours, theirs_hull)
     branch(count, views, mesh)
 
 

@@ -17,11 +17,6 @@ from gvla2.evaluation.statistics import (
 WON, LOST, BOTH, NEITHER = (False, True), (True, False), (True, True), (False, False)
 
 
-def test_known_value():
-    low, high = wilson_interval(18, 20)
-    assert (low, high) == (pytest.approx(0.699, abs=1e-3), pytest.approx(0.972, abs=1e-3))
-
-
 @given(st.integers(1, 500).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
 def test_contains_the_share_and_stays_in_bounds(case):
     successes, trials = case

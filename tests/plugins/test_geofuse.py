@@ -24,12 +24,7 @@ def test_formulas(a, b, s_a, s_b):
     expected = a + 0.5 * (s_a * s_b)[:, None] * (b - a)
     np.testing.assert_allclose(Residual(0.5).fuse(a, b, s_a, s_b), expected, atol=1e-12)
     np.testing.assert_allclose(Blend(1.0).fuse(a, b, s_a, s_b), b, atol=1e-12)
-
-
-@given(coordinates, supports)
-def test_two_equal_sources_are_left_alone(a, s):
-    for strategy in (Blend(0.5), Residual(0.5)):
-        np.testing.assert_array_equal(strategy.fuse(a, a, s, s), a)
+    np.testing.assert_array_equal(Residual(0.5).fuse(a, a, s_a, s_b), a)
 
 
 @pytest.mark.parametrize("alpha", [-0.1, 1.1, float("nan")])

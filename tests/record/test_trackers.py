@@ -32,33 +32,29 @@ class Failing:
         self.heard.append("end")
 
 
-def test_a_tracker_that_fails_is_reported_once(tmp_path: Path, caplog: pytest.LogCaptureFixture):
-    tracker = Failing()
+class Exits(Failing):
+    """Ends the process, in red, when a run begins."""
+
+    def begin(self, run: TrackedRun) -> None:
+        raise SystemExit("\x1b[31m")
+
+
+@pytest.mark.parametrize(
+    ("kind", "why"), [(Failing, "ConnectionError: no route"), (Exits, "RuntimeError: SystemExit(")]
+)
+def test_a_tracker_that_fails_or_would_exit_is_named_once(
+    kind: type[Failing], why: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    tracker, who = kind(), "The tracker 'mine' of plugin 'yours'"
     record = EpisodeRecord("e", "lift", "t", 0, {})
-    with caplog.at_level(logging.WARNING), Tracking(tracker, {"seed": 1}, tmp_path) as tracking:
+    reports = Tracking(tracker, {"seed": 1}, tmp_path, named=lambda kind: who)
+    with caplog.at_level(logging.WARNING), reports as tracking:
         tracking.episode(0, record, tmp_path)
         tracking.episode(1, record, tmp_path)
-    assert tracker.heard == ["/".join(tmp_path.parts[-2:]), "episode"]
+    assert tracker.heard == (["/".join(tmp_path.parts[-2:]), "episode"] if kind is Failing else [])
     (warning,) = caplog.messages
-    assert warning == "The tracker failed and is no longer used: ConnectionError: no route"
-
-
-def test_a_tracker_that_would_exit_is_named_and_cannot_write_to_the_terminal(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-):
-    class Exits(Failing):
-        def begin(self, run: TrackedRun) -> None:
-            raise SystemExit("\x1b[31m")
-
-    who = "The tracker 'mine' of plugin 'yours'"
-    with (
-        caplog.at_level(logging.WARNING),
-        Tracking(Exits(), {"seed": 1}, tmp_path, named=lambda kind: who),
-    ):
-        pass
-    (warning,) = caplog.messages
-    assert warning.startswith(f"{who} failed and is no longer used: RuntimeError: SystemExit(")
-    assert "\x1b" not in warning
+    assert warning.startswith(f"{who} failed and is no longer used: {why}")
+    assert "\x1b" not in warning, "nor can it write to the terminal"
 
 
 def test_a_run_goes_on_without_its_tracker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
