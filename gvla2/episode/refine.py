@@ -145,6 +145,8 @@ def _refined(obj: SceneObject, views: Views, components: GeometryComponents) -> 
     g0 = components.reconstructor.reconstruct(views)
     if g0 is None:
         return Refinement(obj, None, False, "the reconstructor leaves it alone")
+    if g0.mesh is not None:  # boxes are fitted to it: colours and footprints would not reach the planner
+        g0 = replace(g0, gaussians=None)
     # Compiled code is imported only when something is reconstructed.
     from gvla2.reconstruction.branch import BranchComponents, refine_geometry
     from gvla2.reconstruction.silhouette import mask_agreement, mask_silhouettes

@@ -5,8 +5,8 @@
 
 Three cubes of 50 mm (``pick_and_lift``) and, with ``--scans``, five of the folder's scans side by side, known to no
 gallery. Overrides of ``gvla2 run`` choose the refinement (``reconstructor=hull prior=depth branch.axis=false``). For
-each setting: the objects that were found, the median errors of the narrower level side (and the planner's as a share of
-the perceived one), of the box's volume and of its centre, and how many boxes were refined.
+each setting: the objects that were found, how many boxes were replaced, and the median errors of the narrower level
+side, of the box's volume and of its centre, each as perceived, as the branch has it, and as the planner gets it.
 """
 
 from __future__ import annotations
@@ -22,15 +22,13 @@ from omegaconf import OmegaConf
 
 from gvla2.commands.hydra_job import schemas
 from gvla2.commands.run import build_components
-from gvla2.episode.refine import refine_scene
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.episode.refine import Refinement, refine_scene, with_truth
+from gvla2.planning.scene import SceneObject
 from gvla2.plugins.hydra_config import register
 from gvla2.plugins.registry import Registry, load_plugins
 from gvla2.robot.depth_noise import apply_noise
 
 CAMERAS = {2: ["front", "left_shoulder"], 4: ["front", "left_shoulder", "right_shoulder", "wrist"]}
-NEAR = 0.03
-"""A perceived object is the true one whose centre is this near, metres."""
 
 
 def main() -> None:
@@ -53,48 +51,37 @@ def main() -> None:
         scans = [f"task.objects.root={asked.scans}", "task.objects.count=5", "task.objects.scale=1"]
         tasks["scans"] = ["task=tabletop_objects", *scans]
     print(
-        "setting   noise      cameras    n  width, mm: perceived  refined  ratio  volume, %       centre, mm"
+        "setting   noise      cameras  objects  replaced  width, mm            volume, %            centre, mm"
     )
     settings = [name for name in asked.settings.split(",") if name in tasks]
     for setting, noise, count in product(settings, asked.noise.split(","), asked.cameras.split(",")):
         cameras = f"robot.cameras=[{','.join(CAMERAS[int(count)])}]"
         overrides = [*tasks[setting], f"depth_noise={noise}", cameras, "memory=none", *asked.overrides]
-        errors = measure(registry, overrides, range(first, last + 1))  # (N, 2, 3)
-        (width, volume, centre), (refined, own_volume, own_centre) = np.median(errors, axis=0)
-        print(
-            f"{setting:9} {noise:10} {count:>7} {len(errors):4} {width:20.2f} {refined:8.2f} {refined / width:6.2f} "
-            f"{volume:7.1f} {own_volume:7.1f} {centre:7.2f} {own_centre:7.2f}",
-            flush=True,
-        )
+        done = measure(registry, overrides, range(first, last + 1))
+        boxes = [
+            [errors(box, one.true) for box in (one.before, one.after or one.before, one.chosen)]
+            for one in done
+        ]
+        middle = np.median(boxes, axis=0).T  # of each error: perceived, the branch's, the planner's
+        shown = "  ".join(" -> ".join(f"{value:.1f}" for value in line).ljust(19) for line in middle)
+        used = sum(one.used for one in done)
+        print(f"{setting:9} {noise:10} {count:>7} {len(done):8} {used:9}  {shown}", flush=True)
 
 
-def measure(registry: Registry, overrides: list[str], layouts: range) -> np.ndarray:
-    """(N, 2, 3) errors of the objects found, as perceived and as refined: of width, volume and centre."""
+def measure(registry: Registry, overrides: list[str], layouts: range) -> list[Refinement]:
+    """What became of the boxes of the objects that were found, each with the true object."""
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("run", overrides=overrides))
     components = build_components(config, registry, branch=config.branch)
-    found = []
+    found: list[Refinement] = []
     with closing(components.robot), closing(components.memory):
         for layout in layouts:
             components.robot.reset(components.task, layout)
             rng = np.random.default_rng([layout, 0])
             observation = apply_noise(components.robot.observe(), config.depth_noise, rng, layout)
-            perceiver, workspace = components.perceiver, components.robot.arm.workspace
-            scene = perceiver.perceive(observation, "", workspace)
-            refined = refine_scene(scene, observation, "", components.geometry)[0]
-            found += compared(scene, refined, components.robot.true_scene())
-    return np.array(found)
-
-
-def compared(scene: Scene, refined: Scene, truth: Scene) -> list[list[tuple[float, float, float]]]:
-    """Of each true solid object that was found: its errors as perceived and as refined."""
-    found = []
-    for true in truth.obstacles():
-        near = min(
-            scene.obstacles(), key=lambda o: float(np.linalg.norm(o.centre - true.centre)), default=None
-        )
-        if near is not None and np.linalg.norm(near.centre - true.centre) < NEAR:
-            found.append([errors(near, true), errors(refined[near.id], true)])
+            scene = components.perceiver.perceive(observation, "", components.robot.arm.workspace)
+            done = refine_scene(scene, observation, "", components.geometry)[1]
+            found += [one for one in with_truth(done, components.robot.true_scene()) if one.true is not None]
     return found
 
 
