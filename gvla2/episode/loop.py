@@ -11,7 +11,7 @@ after everything was learned, so that no stage can see true state.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -42,7 +42,7 @@ from gvla2.episode.evidence import RobotEvidence
 from gvla2.episode.lessons import memory_task, stories_of, transcript
 from gvla2.episode.planning import NamedPlanner, PlannerWithFallback, with_sound_effects
 from gvla2.episode.record import ABANDONED, VOID, EpisodeRecord, Failure, Stage, failure_of
-from gvla2.episode.refine import GeometryComponents, refine_scene, with_truth
+from gvla2.episode.refine import GeometryComponents, Refinement, refine_scene, with_truth
 from gvla2.episode.rollout import roll_out
 from gvla2.errors import Gvla2Error, SimulationError, kept_alive
 from gvla2.geometry.exchange import read_only
@@ -205,6 +205,7 @@ class _Run:
     def __init__(self, components: Components, request: EpisodeRequest, listener: EpisodeListener) -> None:
         self.components, self.request, self.listener = components, request, listener
         self.robot = components.robot
+        self._truths: dict[int, Scene] = {}
         self._before: Mapping[str, Tally] = {}
         self._before = self.cost()
 
@@ -221,6 +222,18 @@ class _Run:
         if isinstance(self.listener, MotionListener):
             heard["moment"] = self.listener.moment
         return ExecutionListener(**heard)
+
+    def note_truth(self, refined: Sequence[Refinement]) -> None:
+        """Keep the true scene beside refined boxes until the success check, when no stage can see it any more."""
+        if isinstance(self.robot, Truthful):
+            self._truths[id(refined)] = self.robot.true_scene()
+
+    def with_truth(self, record: EpisodeRecord) -> EpisodeRecord:
+        """The record, its parts and attempts, with the true objects of what was refined."""
+        truth, again = self._truths.get(id(record.refined)), self.with_truth
+        refined = record.refined if truth is None else with_truth(record.refined, truth)
+        parts, attempts = map(again, record.parts), map(again, record.attempts)
+        return replace(record, refined=refined, parts=tuple(parts), attempts=tuple(attempts))
 
     def look(self, record: EpisodeRecord, *, after: bool = False) -> Observation:
         """The robot's observation before or ``after`` the present part's motion, with the noise of this look."""
@@ -365,8 +378,7 @@ def _reconstruct(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     if geometry is None:
         return record
     scene, refined = refine_scene(seen.scene, seen.observation, record.instruction, geometry)
-    if isinstance(run.robot, Truthful):
-        refined = with_truth(refined, run.robot.true_scene())
+    run.note_truth(refined)
     return replace(record, scene=seen.scene if scene is seen.scene else read_only(scene), refined=refined)
 
 
@@ -456,7 +468,7 @@ def _learn(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
 
 def _check_success(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     success_check = run.robot.success_check()
-    record = replace(record, success_check=success_check)
+    record = replace(run.with_truth(record), success_check=success_check)
     if success_check is not None and not success_check.relaxed and record.failure is None:
         # The verifier saw nothing wrong, the success check did: say so rather than leave an unexplained failure.
         message = f"The success check found the goal not reached ({record.goal or 'see the task'})."
