@@ -104,6 +104,12 @@ def _by_stress(cells: Sequence[Cell], shared: Sequence[str]) -> Sheet:
     return Sheet(title, headings, tuple(rows), counted, runs_of(cells), EFFECT)
 
 
+def _suite(task: str) -> str:
+    """The suite of a robot's own task, "" for others, whose options may be paths."""
+    suite, slash, _ = task.partition("/")
+    return suite if slash and suite.replace("-", "_").isidentifier() else ""
+
+
 def _of_setting(
     cells: Sequence[Cell], groups: Mapping[str, Sequence[str]], published: Mapping[str, Any]
 ) -> list[Sheet]:
@@ -112,12 +118,12 @@ def _of_setting(
     columns = _columns(cells)
     title = _title(cells, SETTING if len(grouped(cells, "planner")) > 1 else (*SETTING, *PLANNER))
     sheets = []
-    if suites := list(dict.fromkeys(task.partition("/")[0] for task in tasks if "/" in task)):
+    if suites := list(dict.fromkeys(filter(None, map(_suite, tasks)))):
         whole = {name: some for name, some in groups.items() if set(some) <= set(suites)}
         whole = whole or {"all suites": suites}
         sheets.append(_by_suite(columns, suites, whole, published, f"{title}: success by suite"))
     # A robot's own task has one success check: both profiles are the same.
-    if all("/" in task for task in tasks):
+    if all(map(_suite, tasks)):
         sheets.append(_success(columns, tasks, PROFILES[0], f"{title}: success"))
     else:
         sheets += [_success(columns, tasks, one, f"{title}: success, {one}") for one in PROFILES]
@@ -181,7 +187,7 @@ def _by_suite(
     rows = []
     for name, members in wholes.items():
         own = {
-            column: [c for c in some if c.texts("task")[0].partition("/")[0] in members]
+            column: [c for c in some if _suite(c.texts("task")[0]) in members]
             for column, some in found.items()
         }
         theirs = (one["success"].get(name) for _, one in others)

@@ -138,6 +138,14 @@ def test_suites_and_their_groups_stand_beside_what_others_published(tmp_path):
     assert film.file.endswith("episode/episode.mp4")
 
 
+def test_a_folder_in_a_tasks_options_is_no_suite():
+    titles = [
+        sheet.title for sheet in robot_sheets([cell("put_block objects={root: /scans}", "off", 0, True)])
+    ]
+    assert not any("suite" in title for title in titles)
+    assert any(title.endswith("success, strict") for title in titles)
+
+
 def asked(planner: str, task: str, episode: int, done: bool | None, arm: str = "off", **more) -> Cell:
     """An episode of a planner, which asks a model unless it is ``skill``, on a named layout."""
     asks = planner != "skill"
