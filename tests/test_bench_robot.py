@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.commands.bench import run_bench
-from gvla2.errors import Gvla2Error, PlannerTimeoutError
+from gvla2.errors import ConfigurationError, Gvla2Error, PlannerTimeoutError
 from gvla2.evaluation.engine import in_processes
 from gvla2.evaluation.suites import robot_episodes
 from tests.composing import bench_config
@@ -196,3 +196,17 @@ def test_arms_do_not_learn_from_exploration_with_gaps(registry, tmp_path, monkey
     )
     with pytest.raises(Gvla2Error, match="1 of 1 explored episodes could not be measured"):
         run_bench(config, registry, tmp_path / "out")
+
+
+def test_arms_learn_from_the_others_where_one_task_cannot_be_set_up(registry, tmp_path, monkeypatch):
+    from gvla2_plugins.tabletop.lift import LampOn
+
+    def too_large(self, rng, site, instruction=None):
+        raise ConfigurationError("No place was found for a lamp.")
+
+    monkeypatch.setattr(LampOn, "sample", too_large)
+    tasks, arms = ("tasks=[lamp_on,push_block]", "exploration_seeds=[0]"), ("arms=[off,on]", "episodes=1")
+    run_bench(config_of(registry, tmp_path, *tasks, *arms, "workers=1"), registry, tmp_path / "out")
+    found = {(row["task"], row["arm"]): row["status"] for row in rows_of(tmp_path / "out")}
+    assert {found["lamp_on", arm] for arm in ("off", "on")} == {"not measured: setup"}
+    assert {found["push_block", arm] for arm in ("off", "on")} == {"ok"}

@@ -241,8 +241,8 @@ CHANGES: Mapping[str, Change] = MappingProxyType(
 )
 """How the objects of each kind are made."""
 
-SIZES: Mapping[str, float] = MappingProxyType({"small": 0.85, "large": 1.1})
-"""What tells twins apart: the word for each, and its scale."""
+SIZES: Mapping[str, float] = MappingProxyType({"small": 0.8, "large": 1.0})
+"""What tells twins apart: the word for each, and its scale. The lids of larger boxes swing where no arm gets to."""
 SAID: Mapping[str, tuple[str, str, float]] = MappingProxyType(
     {
         "jar": ("twist", "turn", 0.17),

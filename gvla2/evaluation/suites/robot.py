@@ -104,10 +104,15 @@ def _group(units: Sequence[EpisodeUnit]) -> EpisodeGroup:
     return EpisodeGroup(tuple(key for unit in units for key in unit.keys), units[0].label, tuple(units))
 
 
+NEVER = "not measured: setup"
+"""The status of an episode that cannot be set up, however often it is tried."""
+
+
 class School:
     """Teaches the arms of one world from its exploration. A bank is written, once, when an episode needs it.
 
     Raises :class:`Gvla2Error` if the explored rows have gaps: arms that learned less would be mistaken for full ones.
+    Of a layout that cannot be set up nobody learns, now or later.
     """
 
     def __init__(self, design: Design, registry: Registry, folder: Path, rows: Rows) -> None:
@@ -116,7 +121,7 @@ class School:
         self._lessons: dict[tuple[str, str], Lessons] = {}
         self._stories: dict[str, list[Story]] = {}
         explored = [(unit, rows[unit.keys[0]]) for unit in design.exploring]
-        gaps = [unit.subject for unit, cell in explored if cell.status != "ok"]
+        gaps = [unit.subject for unit, cell in explored if cell.status not in ("ok", NEVER)]
         if gaps:
             raise Gvla2Error(
                 f"{len(gaps)} of {len(explored)} explored episodes could not be measured "
