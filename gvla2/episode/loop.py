@@ -230,9 +230,10 @@ class _Run:
 
     def with_truth(self, record: EpisodeRecord) -> EpisodeRecord:
         """The record, its parts and attempts, with the true objects of what was refined."""
-        truth, again = self._truths.get(id(record.refined)), self.with_truth
-        refined = record.refined if truth is None else with_truth(record.refined, truth)
-        parts, attempts = map(again, record.parts), map(again, record.attempts)
+        refined = record.refined
+        if refined is not None and id(refined) in self._truths:
+            refined = with_truth(refined, self._truths[id(refined)])
+        parts, attempts = map(self.with_truth, record.parts), map(self.with_truth, record.attempts)
         return replace(record, refined=refined, parts=tuple(parts), attempts=tuple(attempts))
 
     def look(self, record: EpisodeRecord, *, after: bool = False) -> Observation:
