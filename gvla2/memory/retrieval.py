@@ -104,10 +104,13 @@ class HybridRetriever:
         return chosen
 
     def _same(self, first: Record, second: Record) -> bool:
-        """Whether two records say the same, apart from their effects' numbers (the better record's are shown)."""
+        """Whether a record says the same as a better one that is shown, apart from their effects' numbers.
+
+        A stricter bound does not: who obeys the other one fails again.
+        """
         mine, theirs = _wording(first.content), _wording(second.content)
         alike = len(mine & theirs) >= self._options.same_words * len(mine | theirs)
-        return alike and _parameter(first) == _parameter(second)
+        return alike and _parameter(first) == _parameter(second) and not _stricter(first, second)
 
 
 class SemanticRetriever:
@@ -143,6 +146,18 @@ def _parameter(record: Record) -> str:
     if effect.get("kind") == "program":
         return dump(effect)
     return dump([str(effect.get(name, "")) for name in ("kind", "parameter", "op", "skill")])
+
+
+def _stricter(first: Record, second: Record) -> bool:
+    """Whether the first record's bound excludes values that the second's, of the same parameter, allows."""
+    mine, theirs = first.effect_json() or {}, second.effect_json() or {}
+    if mine.get("kind") != "bound" or mine.get("scale") != theirs.get("scale"):
+        return False
+    values = mine.get("value"), theirs.get("value")
+    if not all(isinstance(value, int | float) for value in values):
+        return False
+    own, other = map(float, values)
+    return own > other if mine.get("op") == ">=" else own < other
 
 
 def score_terms(

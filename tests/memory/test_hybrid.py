@@ -200,6 +200,18 @@ def test_copies_of_a_query_take_one_place() -> None:
     assert {10, 11, 12} & set(rows)
 
 
+def test_a_stricter_bound_is_shown_beside_one_that_says_the_same_otherwise() -> None:
+    words = "Unscrew a flat tiny yellow {} of the cyan bottle from the top: failed because it was not turned enough."
+    bound = {"kind": "bound", "parameter": "turn", "skill": "twist", "op": ">="}
+    bank = candidates(
+        [words.format("plate"), words.format("box"), words.format("disc")],
+        effect=[{**bound, "value": value} for value in (3.7, 4.5, 3.6)],
+        type=["failure_avoidance"] * 3,
+        confidence=[1.0, 0.9, 0.8],
+    )
+    assert [r.row for r in rank("unscrew the yellow cap of the cyan bottle", bank)[0]] == [0, 1]
+
+
 def test_semantic_is_cosine_alone() -> None:
     bank = corpus(500, 2)
     table = EMBEDDER.embed([bank.record(i).text for i in range(500)])
