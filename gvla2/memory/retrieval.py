@@ -153,10 +153,9 @@ def _stricter(first: Record, second: Record) -> bool:
     mine, theirs = first.effect_json() or {}, second.effect_json() or {}
     if mine.get("kind") != "bound" or mine.get("scale") != theirs.get("scale"):
         return False
-    values = mine.get("value"), theirs.get("value")
-    if not all(isinstance(value, int | float) for value in values):
+    own, other = mine.get("value"), theirs.get("value")
+    if not (isinstance(own, int | float) and isinstance(other, int | float)):
         return False
-    own, other = map(float, values)
     return own > other if mine.get("op") == ">=" else own < other
 
 
