@@ -2,6 +2,7 @@
 
 import json
 import resource
+import tracemalloc
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -38,7 +39,7 @@ def keep(folder: Path, frames: int = FRAMES, side: int = 34, dof: int = 3, state
         if states:
             motion.moment(Moment(2.0 + k / FPS, joints(k, dof), 0.08))
         image = np.zeros((side, 2 * side, 3), np.uint8)
-        image[:, :side, 0] = 30 * k
+        image[:, :side, 0] = 30 * k % 256
         motion.frame(image)
     motion.finish()
     motion.finish()
@@ -60,6 +61,18 @@ def demonstration(folder: Path, task: str = "lift it", **size: int) -> Demonstra
         states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
     film = VideoFile.read(folder / FILM, ("front", "wrist"))
     return Demonstration(states, FPS, film, task, "sapien_panda", commands=states + 1, labels={"seed": 3})
+
+
+def test_memory_does_not_grow_with_the_frames(tmp_path: Path):
+    peaks = []
+    for number, frames in enumerate((20, 20, 200)):  # the first one imports
+        one = demonstration(tmp_path / f"of{number}", frames=frames, side=64)
+        tracemalloc.start()
+        write_dataset(tmp_path / f"set{number}", [one] * 3)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    # The pictures of the long ones are 14 MB.
+    assert peaks[2] < peaks[1] + 500_000
 
 
 def test_every_frame_has_its_state(tmp_path: Path):
