@@ -11,6 +11,7 @@ import platform
 import resource
 import shlex
 import shutil
+import stat
 import struct
 import subprocess
 import tempfile
@@ -236,14 +237,27 @@ def bubblewrap(task: AgentTask) -> Iterator[BubblewrapSandbox]:
         prefix="gvla2-agent-", dir="/var/tmp", ignore_cleanup_errors=True
     ) as root:
         try:
+            _check(task.files, int(task.disk_mb))
             shutil.copytree(task.files, Path(root, "app"), symlinks=True)
-        except OSError as error:  # shutil.Error too: a pipe or a device
+        except OSError as error:
             raise EnvironmentFailedError(f"The files of {task.name} cannot be copied: {error}") from error
         sandbox = BubblewrapSandbox(Path(root), task.disk_mb, task.memory_mb)
         tried = sandbox.run("true", seconds=30)
         if tried.status != 0:
             raise EnvironmentFailedError(f"bubblewrap cannot run a command here: {tried.text.strip()[-200:]}")
         yield sandbox
+
+
+def _check(folder: Path, disk_mb: int) -> None:
+    """Raise OSError for files that exceed the disk, however sparse, and for a pipe or a device, which may never end."""
+    size = 0
+    for path in folder.rglob("*"):
+        found = path.lstat()
+        if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode) or stat.S_ISLNK(found.st_mode)):
+            raise OSError(f"{path} is a named pipe, a socket or a device")
+        size += found.st_size
+    if size > disk_mb << 20:
+        raise OSError(f"they take {size >> 20} MB, and the task has a disk of {disk_mb} MB")
 
 
 def _printable(text: str) -> str:

@@ -178,10 +178,15 @@ def test_links_in_a_task_lead_nowhere_on_the_host(sandboxed, tmp_path: Path):
     assert (tmp_path / "home" / "key").read_text() == "SECRET"
 
 
-def test_pipes_in_a_task_hold_nothing_up(sandboxed, tmp_path: Path):
+def test_pipes_and_giants_in_a_task_hold_nothing_up(sandboxed, tmp_path: Path):
     task = task_in(tmp_path / "task")
     os.mkfifo(task.files / "pipe")
     with pytest.raises(EnvironmentFailedError, match="named pipe"), bubblewrap(task):
+        pass
+    (task.files / "pipe").unlink()
+    (task.files / "sparse").touch()
+    os.truncate(task.files / "sparse", 40 << 30)
+    with pytest.raises(EnvironmentFailedError, match="take 40960 MB"), bubblewrap(task):
         pass
     (task.folder / "instruction.md").unlink()
     os.mkfifo(task.folder / "instruction.md")
