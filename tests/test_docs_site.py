@@ -75,6 +75,8 @@ def test_the_site_builds_without_a_warning(tmp_path: Path):
     assert done.returncode == 0, done.stderr
     page = (tmp_path / "site" / "configuration" / "choices" / "planner.html").read_text()
     assert "planner.lift_height" in page
+    assert "window.Worker = class" in page, "the search works from files"
+    assert not re.search(r"<(script|link)[^>]*https?:", page), "nothing is fetched"
     assert "PlanRequest" in (tmp_path / "site" / "hooks" / "gvla2_planners.html").read_text()
 
 

@@ -20,6 +20,8 @@ from gvla2.plugins.registry import load_plugins
 
 DOCS = ROOT / "docs"
 HERE_TOO = {"contributing.md": "CONTRIBUTING.md", "changes.md": "CHANGELOG.md"}
+SHIM = "https://unpkg.com/iframe-worker/shim"
+WORKER = Path(__file__).with_name("worker.js").read_text()
 TABLE = "<!-- the table of hooks -->"
 LINK = re.compile(r"\]\(([^)#:\s]+)(#[^)\s]*)?\)")
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".toml": "toml", ".md": "markdown", ".yml": "yaml", "": "sh"}
@@ -44,6 +46,11 @@ def on_files(files: Files, config: Any) -> Files:
     for uri, content in made.items():
         files.append(File.generated(config, uri, content=content))
     return files
+
+
+def on_post_page(output: str, **_: Any) -> str:
+    """The theme fetches what its search needs where pages are read from files; ours is in the page."""
+    return output.replace(f'<script src="{SHIM}"></script>', f"<script>{WORKER}</script>")
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
