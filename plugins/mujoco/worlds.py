@@ -18,12 +18,13 @@ class MjcfWorld(ModelWorld):
     """The file's model; it has no success check."""
 
     def __init__(self, config: MjcfConfig) -> None:
-        self._mujoco = mujoco = import_mujoco()
+        self._mujoco, self._file = import_mujoco(), config.mjcf
+        mujoco = self._mujoco
         with reading("robot.mjcf", config.mjcf, RobotError):
             model = mujoco.MjModel.from_xml_path(str(Path(config.mjcf).expanduser()))
-        names = ArmNames(config.base, config.tool, tuple(config.joints), tuple(config.fingers))
-        self.groups, self.table_height = config.geom_groups, config.table_height
-        super().__init__(config, model, mujoco.MjData(model), names)
+            names = ArmNames(config.base, config.tool, tuple(config.joints), tuple(config.fingers))
+            self.groups, self.table_height = config.geom_groups, config.table_height
+            super().__init__(config, model, mujoco.MjData(model), names)
         self.workspace = Box(np.array(config.workspace_low), np.array(config.workspace_high))
         self.rate, self._settle_seconds = config.rate, config.settle_seconds
         try:
@@ -55,6 +56,11 @@ class MjcfWorld(ModelWorld):
         joints = np.array([self.data.joint(name).qpos[0] for name in self.names.joints])
         for _ in range(round(self._settle_seconds * self.rate)):
             self.step(joints, 1.0)
+            if not self.sane():
+                raise RobotError(
+                    f"robot.mjcf={self._file}: the physics blows up in the file's first state. Look for positions, "
+                    "masses and gains that are too large."
+                )
 
     def step(self, joints: FloatArray, opening: float) -> None:
         """Physics steps of one control period."""

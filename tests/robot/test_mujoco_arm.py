@@ -6,6 +6,8 @@ import pytest
 from gvla2.errors import RobotError
 from gvla2.robot.mujoco.arm import ArmNames, arm_from_mjcf
 from gvla2.robot.options import ArmConfig
+from gvla2_plugins.mujoco import MjcfConfig
+from gvla2_plugins.mujoco.worlds import MjcfWorld
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -41,6 +43,9 @@ ARM = """
   </worldbody>
 </mujoco>
 """
+SERVOS = """<actuator><position joint="j1" kp="99"/><position joint="j2" kp="99"/>
+<position name="g1" joint="f1" kp="99" ctrlrange="0 .04"/><position name="g2" joint="f2" kp="99" ctrlrange="0 .04"/>
+</actuator></mujoco>"""
 NAMES = ArmNames("base", "hand", ("j1", "j2"), ("f1", "f2"))
 
 
@@ -78,3 +83,28 @@ def test_names_that_do_not_fit_are_said_with_what_the_model_has(names, message):
     model = mujoco.MjModel.from_xml_string(ARM)
     with pytest.raises(RobotError, match=message):
         arm_from_mjcf(model, ArmNames(*names), HOME)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            b'<geom type="sphere" size="0.03"/>',
+            b'<geom type="sphere" size=".03" pos="1e308 0 0"/>',
+            "blows up",
+        ),
+        (b'name="upper"', b'name="upp\xbcr"', "UnicodeDecodeError"),
+    ],
+)
+def test_a_file_that_cannot_be_simulated_is_refused_by_name(tmp_path, monkeypatch, old, new, message):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "arm.xml"
+    seen = ARM.replace("<worldbody>", '<worldbody><camera name="c" pos="1 0 1"/>')
+    path.write_bytes(seen.replace("</mujoco>", SERVOS).encode().replace(old, new))
+    config = MjcfConfig(
+        mjcf=str(path), base="base", tool="ghost" if b"\xbc" in new else "hand", joints=["j1", "j2"]
+    )
+    config.cameras, config.fingers, config.gripper_actuators = ["c"], ["f1", "f2"], ["g1", "g2"]
+    with pytest.raises(RobotError, match=rf"arm\.xml.*{message}"):
+        MjcfWorld(config).begin(0)
+    assert [one.name for one in tmp_path.iterdir()] == ["arm.xml"]

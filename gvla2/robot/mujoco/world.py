@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import logging
 import os
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property
@@ -22,6 +23,8 @@ from gvla2.robot.mujoco.objects import true_scene
 from gvla2.robot.mujoco.options import MujocoConfig
 from gvla2.robot.options import ArmConfig
 from gvla2.robot.simulation import Simulation
+
+log = logging.getLogger(__name__)
 
 FARTHEST = 5.0
 """Depth beyond this counts as not measured, metres, as with depth cameras."""
@@ -51,6 +54,7 @@ def import_mujoco() -> Any:
         raise ConfigurationError(
             f'MuJoCo {mujoco.__version__} is installed and the worlds need one below 4: pip install "mujoco<4"'
         )
+    mujoco.set_mju_user_warning(log.info)  # else it writes a file into the working folder
     return mujoco
 
 
