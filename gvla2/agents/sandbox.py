@@ -183,9 +183,9 @@ def _shared_memory() -> int:
 def _memory_of(top: int) -> int:
     """Bytes of memory of a process and of all that descend from it; what they share counts once."""
     parents = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
+    for file in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):  # it has ended
-            parents[int(stat.parent.name)] = int(stat.read_bytes().rpartition(b")")[2].split()[1])
+            parents[int(file.parent.name)] = int(file.read_bytes().rpartition(b")")[2].split()[1])
     family = {top}
     while more := {pid for pid, parent in parents.items() if parent in family} - family:
         family |= more
