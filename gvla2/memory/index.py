@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -101,6 +101,10 @@ class Index:
     def get(self, id: str) -> HeldRecord | None:
         """The record with its vector, None if it is not in the index."""
         return self._held.get(id)
+
+    def held(self) -> Collection[HeldRecord]:
+        """All that it holds."""
+        return self._held.values()
 
     def records(self, state: str) -> list[Record]:
         """The records held in a state, by id."""

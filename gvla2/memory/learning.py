@@ -128,7 +128,10 @@ def deciding(bank: OpenBank, actor: str) -> Iterator[LessonLedger]:
     except BaseException:
         bank.index.clear()
         raise
-    bank.index.refresh()
+    if transaction.linked or bank.store.rev(bank.bank) != transaction.rev:
+        bank.index.refresh()
+    else:  # the ledger has put all of it into the index
+        bank.index.rev = transaction.rev
 
 
 @dataclass(frozen=True)

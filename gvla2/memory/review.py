@@ -89,14 +89,15 @@ def _doubtful(bank: OpenBank, limit: int, but: str) -> list[StoredEpisode]:
 
     Those judged least often come before all others, so that none is judged over and over.
     """
+    least, listed = bank.options.replay_confidence, dict[str, None]()
+    for held in sorted(
+        bank.index.held(), key=lambda held: (held.record.confidence, held.record.updated, held.record.id)
+    ):
+        one = held.record
+        if one.state == "provisional" or held.conflicts or one.confidence < least:
+            listed |= dict.fromkeys(reversed(one.sources()))  # the latest one first
+    sources = [source for source in listed if source != but][: 8 * limit]
     with bank.store.reading(bank.bank) as view:
-        records = view.records(["provisional", "active"])
-        contested = view.conflicts()
-        least, listed = bank.options.replay_confidence, dict[str, None]()
-        for one in sorted(records, key=lambda one: (one.confidence, one.updated, one.id)):
-            if one.state == "provisional" or one.id in contested or one.confidence < least:
-                listed |= dict.fromkeys(reversed(one.sources()))  # the latest one first
-        sources = [source for source in listed if source != but][: 8 * limit]
         episodes = view.episodes(sources)
     kept = [episodes[source] for source in sources if source in episodes]
     return sorted(kept, key=lambda episode: episode.judged)[:limit]

@@ -55,7 +55,7 @@ class Transaction(BankView):
     It holds the bank's write lock, so reads stay valid until the end. Reasons (``why``) and a record's ``note`` may
     name other records by id, but must not quote them: forgetting a record does not search for its words in the reasons
     of others (except of links to it). ``forgotten`` are the forgotten ids; if there are any, the store cleans the
-    database's files after the commit.
+    database's files after the commit. ``linked``: whether it linked two records.
     """
 
     def __init__(self, sql: Connection, bank: str, actor: str, now: float) -> None:
@@ -66,6 +66,7 @@ class Transaction(BankView):
         self._seq, self._hash = (int(head.seq), str(head.hash)) if head else (0, GENESIS)
         self._began = self._seq
         self.forgotten: list[str] = []
+        self.linked = False
 
     @property
     def rev(self) -> int:
@@ -128,6 +129,7 @@ class Transaction(BankView):
         """Link two different records, unless they are linked so already."""
         if any((one.source, one.kind, one.target) == (source, kind, target) for one in self.links([source])):
             return
+        self.linked = True
         self.sql.execute(insert(LINK), {"bank": self.bank, **Link(source, kind, target, self.now)._asdict()})
         self._append(f"link:{kind}", source, target, why)
 
