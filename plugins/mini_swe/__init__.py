@@ -15,7 +15,7 @@ from typing import Any
 
 from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Sandbox
-from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.errors import ConfigurationError, MissingDependencyError, reading
 from gvla2.io.array_cache import cache_folder
 from gvla2.language import LanguageModel, Request
 
@@ -28,13 +28,15 @@ class MiniSweConfig(ComponentConfig):
     """Options of the ``mini_swe`` agent.
 
     It stops after ``steps`` commands; each may take ``command_seconds``. ``temperature`` and ``max_tokens`` apply to
-    each answer; null leaves them to the ``language``.
+    each answer; null leaves them to the ``language``. ``prompts`` is a configuration file of mini-swe-agent, whose
+    templates are used; its own for answers with one bash block by default.
     """
 
     steps: int = 20
     command_seconds: float = 30.0
     temperature: float | None = None
     max_tokens: int | None = 1024
+    prompts: str = ""
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.command_seconds <= 0:
@@ -56,8 +58,12 @@ class MiniSwe:
         import yaml
 
         # Its own prompts, for models that answer with one bash block.
-        file = Path(minisweagent.__file__).parent / "config" / "mini_textbased.yaml"
-        self._settings = yaml.safe_load(file.read_text(encoding="utf-8"))
+        folder = Path(minisweagent.__file__).parent / "config"
+        self._settings = yaml.safe_load((folder / "mini_textbased.yaml").read_text(encoding="utf-8"))
+        if config.prompts:
+            with reading("agent.prompts", config.prompts, ConfigurationError):
+                given = yaml.safe_load(Path(config.prompts).expanduser().read_text(encoding="utf-8-sig"))
+                self._settings = {name: one | given.get(name, {}) for name, one in self._settings.items()}
         self._config, self._language = config, language
         logging.getLogger("minisweagent").setLevel(logging.ERROR)
 

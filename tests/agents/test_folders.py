@@ -51,7 +51,7 @@ def test_an_unusable_task_is_an_error(tmp_path: Path, files, message):
 
 
 def test_missing_and_ambiguous_names_are_errors(tmp_path: Path):
-    with pytest.raises(ConfigurationError, match="Available: all-lines"):
+    with pytest.raises(ConfigurationError, match="Available: alarm-east"):
         read_tasks(OURS, ["nothing"])
     for parent in "ab":
         make(tmp_path / parent / "same", TESTED)

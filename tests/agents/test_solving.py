@@ -6,6 +6,7 @@ import pytest
 
 from gvla2.agents.sandbox import bubblewrap
 from gvla2.agents.tasks import attempt, read_tasks
+from gvla2.errors import ConfigurationError
 from gvla2.language.contracts import LanguageModelError
 from gvla2.memory import KnowledgeBank
 from gvla2.testing import check_agent
@@ -59,6 +60,18 @@ def test_an_agent_that_submits_too_early_never_or_refuses_fails(
         made = tried("deposit-photos", model.url, bank, steps=4)
     assert (made.run.exit_status, made.run.steps, made.solved) == (ended, steps, False)
     assert made.verdict.outcome == "verified_fail"
+
+
+def test_prompts_may_be_those_of_another_configuration_file(sandboxed, tmp_path: Path):
+    with LocalModel(giving(RIGHT)) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+        assert tried("deposit-photos", model.url, bank, prompts=str(OURS / "short.yaml")).solved
+    first, last = model.requests[0]["messages"], model.requests[-1]["messages"]
+    assert first[0]["content"].startswith("You solve a task with bash commands")
+    assert first[1]["content"].startswith("Put the folder /app/photos")
+    assert last[-1]["content"].startswith("It printed:\ndeposit: stored")
+    (tmp_path / "prompts.yaml").write_text("agent: 3")
+    with pytest.raises(ConfigurationError, match=r"agent\.prompts.*prompts\.yaml"):
+        MiniSwe(MiniSweConfig(name="mini_swe", prompts=str(tmp_path / "prompts.yaml")), endpoint(model.url))
 
 
 def test_a_model_that_is_not_there_is_nobodys_failure(sandboxed, tmp_path: Path):

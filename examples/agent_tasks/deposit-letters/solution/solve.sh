@@ -1,2 +1,2 @@
 #!/bin/bash
-bash bin/deposit letters --commit
+bash bin/deposit /app/letters --commit

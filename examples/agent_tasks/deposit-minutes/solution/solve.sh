@@ -1,2 +1,2 @@
 #!/bin/bash
-bash bin/deposit minutes --commit
+bash bin/deposit /app/minutes --commit

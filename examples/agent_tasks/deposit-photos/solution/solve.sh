@@ -1,2 +1,2 @@
 #!/bin/bash
-bash bin/deposit photos --commit
+bash bin/deposit /app/photos --commit

@@ -1,0 +1,2 @@
+#!/bin/bash
+KEY="$(cat key)" bash bin/alarm east

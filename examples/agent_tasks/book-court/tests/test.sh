@@ -1,0 +1,3 @@
+#!/bin/bash
+# Writes the reward as Terminal-Bench 2.0 has it.
+if [ "$(cat /app/bookings.txt)" = "court 14.09.2026" ]; then echo 1; else echo 0; fi > /logs/verifier/reward.txt

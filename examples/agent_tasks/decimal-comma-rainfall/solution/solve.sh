@@ -1,2 +1,0 @@
-#!/bin/bash
-tail -n +2 rainfall.csv | cut -d';' -f3 | tr , . | awk '{s+=$1; if($1>m)m=$1} END {printf "%.2f\n", m}' > answer.txt

@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/setlevel fan 0.40

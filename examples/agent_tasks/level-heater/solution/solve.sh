@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/setlevel heater 0.25

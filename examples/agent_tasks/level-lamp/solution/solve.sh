@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/setlevel lamp 0.75

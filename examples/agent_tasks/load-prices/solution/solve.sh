@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/load /app/inbox/prices.csv

@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/publish /app/poster.txt --owner=ops

@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/publish /app/timetable.txt --owner=ops

@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/report january --save

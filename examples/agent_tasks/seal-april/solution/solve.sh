@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/unlock april && bash bin/seal april

@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/unlock march && bash bin/seal march

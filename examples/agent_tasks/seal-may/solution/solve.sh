@@ -1,0 +1,2 @@
+#!/bin/bash
+bash bin/unlock may && bash bin/seal may
