@@ -35,7 +35,10 @@ from gvla2.io.files import write_whole
 READABLE = (".obj", ".glb", ".gltf", ".ply", ".stl", ".dae", ".off")
 WRITABLE = (".obj", ".glb", ".ply")
 _GLTF = (".glb", ".gltf")
-_UNREADABLE = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"}
+_UNREADABLE = {
+    *("EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"),
+    "EXT_mesh_gpu_instancing",
+}
 _READ = {"KHR_draco_mesh_compression", "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual"}
 """Extensions of glTF that trimesh would misread, and those that may be required; of Draco it asks DracoPy."""
 _EXACT = {"TEXCOORD_0": "_UV", "COLOR_0": "_RGB"}
@@ -230,9 +233,18 @@ def _plain_ply(content: bytes) -> bytes:
 
 
 def _plain_stl(content: bytes) -> bytes:
-    """A binary STL file without what follows its triangles, for which trimesh would take it for text."""
-    size = 84 + 50 * struct.unpack_from("<I", content, 80)[0] if len(content) >= 84 else 0
-    return content[:size] if 84 < size < len(content) and b"facet" not in content[:1000] else content
+    """A binary STL file without what follows its triangles, for which trimesh would take it for text.
+
+    Raises :class:`GeometryError` for one that ends before its last triangle.
+    """
+    if len(content) < 84 or b"facet" in content[84:2000].lower():
+        return content
+    count = struct.unpack_from("<I", content, 80)[0]
+    if len(content) < 84 + 50 * count:
+        raise GeometryError(
+            f"it is no STL file, or cut: its {len(content)} bytes do not hold {count} triangles."
+        )
+    return content[: 84 + 50 * count] if count else content
 
 
 def _read_off(text: str) -> trimesh.Trimesh:
@@ -354,8 +366,16 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
     required = {e for e in tree.get("extensionsRequired", ()) if not e.startswith("KHR_materials_")} - _READ
     if found := sorted(required | _UNREADABLE & set(tree.get("extensionsUsed", ()))):
         raise GeometryError(f"it uses {', '.join(found)}, which is not read; export it without.")
-    if any("sparse" in accessor for accessor in tree.get("accessors", ())):
-        raise GeometryError("it has sparse accessors, which are not read; export it without.")
+    meshes, nodes = tree.get("meshes", ()), tree.get("nodes", ())
+    primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
+    unread = {
+        "sparse accessors": any("sparse" in accessor for accessor in tree.get("accessors", ())),
+        "triangle fans": any(primitive.get("mode") == 6 for primitive in primitives),
+        "skins": any("skin" in node for node in nodes),
+        "weighted morph targets": any(any(each.get("weights", ())) for each in (*meshes, *nodes)),
+    }
+    if there := [what for what, has in unread.items() if has]:
+        raise GeometryError(f"it has {' and '.join(there)}, which are not read; export it without.")
     for image in tree.get("images", ()) if binary else ():
         view = tree["bufferViews"][image["bufferView"]] if "bufferView" in image else {"byteLength": 0}
         begin = 8 + view.get("byteOffset", 0)  # behind the head of the binary chunk
@@ -378,7 +398,7 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
             c, s = np.cos(move.get("rotation", 0.0)), np.sin(move.get("rotation", 0.0))
             turn = np.array([[c, s, x], [-s, c, y], [0.0, 0.0, 1.0]])
             moves[str(number)] = turn @ np.diag([*scale, 1.0])
-    for primitive in (p for mesh in tree.get("meshes", ()) for p in mesh["primitives"]):
+    for primitive in primitives:
         if wanted := sets.get(primitive.get("material"), 0):
             draco = primitive.get("extensions", {}).get("KHR_draco_mesh_compression", {})
             for attributes in filter(None, (primitive["attributes"], draco.get("attributes"))):

@@ -390,13 +390,17 @@ def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path: Path, monkeyp
         read_mesh(tmp_path / f"m{suffix}")
 
 
-def compressed(path: Path) -> None:
-    def require(tree: dict[str, object]) -> None:
-        tree["extensionsUsed"] = ["EXT_meshopt_compression"]
+def with_change(change: Callable[[Any], object]) -> Callable[[Path], object]:
+    """Writes the GLB file of a box whose tree was changed."""
+    box = trimesh.creation.box((1, 1, 1)).scene()
+    return lambda path: path.write_bytes(box.export(file_type="glb", tree_postprocessor=change))
 
-    path.write_bytes(
-        trimesh.creation.box((1, 1, 1)).scene().export(file_type="glb", tree_postprocessor=require)
-    )
+
+def using(extension: str) -> Callable[[Path], object]:
+    return with_change(lambda tree: tree.update(extensionsUsed=[extension]))
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsize 12345\n"
 
 
 @pytest.mark.parametrize(
@@ -413,7 +417,14 @@ def compressed(path: Path) -> None:
         ("m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n", "m.off"),
         ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "'f 0 1 2' names vertex 0"),
         ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "m.obj"),
-        ("m.glb", compressed, "EXT_meshopt_compression"),
+        ("m.glb", using("EXT_meshopt_compression"), "EXT_meshopt_compression"),
+        ("m.glb", using("EXT_mesh_gpu_instancing"), "EXT_mesh_gpu_instancing"),
+        ("m.glb", with_change(lambda t: t["meshes"][0]["primitives"][0].update(mode=6)), "triangle fans"),
+        ("m.glb", with_change(lambda t: t["meshes"][0].update(weights=[0, 0.5])), "morph targets"),
+        ("m.glb", with_change(lambda t: t["nodes"][-1].update(skin=0)), "skins"),
+        ("m.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl")[:-20], "do not hold 12 triangles"),
+        ("m.stl", POINTER * 2, "Git LFS pointer.*git lfs pull"),
+        ("m.obj", POINTER, "Git LFS pointer.*git lfs pull"),
     ],
 )
 def test_broken_files_are_named_and_explained(tmp_path: Path, name: str, content: object, words: str) -> None:
