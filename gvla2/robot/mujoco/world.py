@@ -209,7 +209,7 @@ class ModelWorld(Simulation):
 
     def draw_later(self) -> Callable[[], NDArray[np.uint8]]:
         """A function that draws a frame of the film as the world is now."""
-        return self.eyes.draw_later(self._filming, self._config.video_size)
+        return self.eyes.draw_later(self._filming, -(-self._config.video_size // 2) * 2)
 
     def true_scene(self) -> Scene:
         """The model's bodies as scene objects."""
