@@ -157,7 +157,7 @@ class Endpoint:
         return replace(answer, latency=time.monotonic() - began)
 
     async def _ask(self, client: openai.AsyncOpenAI, request: Request) -> dict[str, Any]:
-        """The answer's JSON. A schema, log-probabilities or a seed that the server refuses are left out from then on."""
+        """The answer's JSON. A schema, log-probabilities or a seed that the server refuses is left out from now on."""
         body = request_body(request, self._options, grammars=self._server.grammars) | self._options.extra
         for name in self._refused:
             body.pop(name, None)
