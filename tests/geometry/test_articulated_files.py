@@ -9,6 +9,7 @@ from gvla2.geometry.articulated_files import read_articulated
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.perception.articulated import joint_of
 from gvla2.perception.scans import read_scans, scan_files
+from gvla2.robot import urdf
 from gvla2.robot.looks import link_surfaces
 from gvla2.robot.urdf import read_urdf
 
@@ -122,6 +123,22 @@ def test_prefixes_without_a_declaration_byte_order_marks_and_windows_paths(writt
         path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b">", b">\r\n"))
         ((_, cube),) = read_articulated(path).meshes()
         assert cube.mesh.bounds.tolist() == [[-1, -1, -1], [1, 1, 1]]
+
+
+@pytest.mark.parametrize(
+    ("variable", "below"), [("ROS_PACKAGE_PATH", "arm"), ("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "")]
+)
+def test_meshes_of_packages_of_ros(written, tmp_path, monkeypatch, variable, below):
+    folder = tmp_path / "ros" / ("share" if variable.startswith("AMENT") else "") / "arm"
+    folder.mkdir(parents=True)
+    (tmp_path / "cube.ply").rename(folder / "cube.ply")
+    monkeypatch.setenv(variable, f":{tmp_path / 'ros' / below}")
+    urdf._in_package.cache_clear()
+    mesh = '<visual><geometry><mesh filename="package://arm/cube.ply"/></geometry></visual>'
+    (path,) = {
+        m.get("filename") for m in read_urdf(written(link("base", mesh))).iterfind("link/visual//mesh")
+    }
+    assert path == str(folder / "cube.ply")
 
 
 def test_a_mirrored_mesh_keeps_its_outside_out(written):
