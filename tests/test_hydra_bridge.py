@@ -3,6 +3,7 @@
 import re
 import sys
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from omegaconf import OmegaConf
 
 from gvla2 import cli
 from gvla2.commands.hydra_job import composed as run_config
-from gvla2.commands.hydra_job import quoted_instruction, schemas
+from gvla2.commands.hydra_job import quoted_instruction, report, schemas
 from gvla2.errors import ConfigurationError
 from gvla2.plugins.hydra_config import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
 from gvla2.plugins.registry import Registry, load_plugins
@@ -127,6 +128,11 @@ def test_a_preset_that_is_no_yaml_is_said_without_a_traceback(
     printed = capsys.readouterr().err
     assert re.search(said, printed)
     assert "Traceback" not in printed
+
+
+def test_a_launchers_worker_that_was_killed_is_said_without_a_traceback(capsys):
+    assert report(BrokenProcessPool("a worker was killed")) == 1
+    assert capsys.readouterr().err == "gvla2: BrokenProcessPool: a worker was killed\n"
 
 
 @pytest.mark.parametrize("words", [["-i"], ["--instruction"], "--instruction={}", "instruction={}"])

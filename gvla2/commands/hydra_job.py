@@ -10,6 +10,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from numbers import Real
@@ -300,7 +301,7 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
 
 def report(error: Exception, registry: Registry | None = None) -> int:
     """Print an error on stderr, with its traceback if it is unexpected or ``GVLA2_DEBUG=1``; the exit status 1."""
-    foreign = (HydraException, OmegaConfBaseException, OSError, YAMLError, UnicodeDecodeError)
+    foreign = (HydraException, OmegaConfBaseException, OSError, YAMLError, UnicodeDecodeError, BrokenExecutor)
     expected = isinstance(error, (Gvla2Error, *foreign))
     if not expected or os.environ.get("GVLA2_DEBUG", "0") not in ("", "0"):
         print(printable("".join(traceback.format_exception(error))), file=sys.stderr)
