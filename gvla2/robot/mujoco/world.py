@@ -92,7 +92,7 @@ class ModelEyes:
         lens = self._frusta.camera[0]
         if lens.orthographic:
             raise ConfigurationError(
-                f"The camera '{name}' of the model is orthographic; choose one with a perspective."
+                f"The camera '{name}' is orthographic; choose one with a perspective."
             )
         height = lens.frustum_top - lens.frustum_bottom
         half = lens.frustum_width or 0.5 * height
