@@ -91,17 +91,11 @@ class ModelEyes:
         mujoco.mjv_updateCamera(self.model, self.data, chosen, self._frusta)
         lens = self._frusta.camera[0]
         if lens.orthographic:
-            raise ConfigurationError(
-                f"The camera '{name}' is orthographic; choose one with a perspective."
-            )
+            raise ConfigurationError(f"The camera '{name}' is orthographic; choose one with a perspective.")
         height = lens.frustum_top - lens.frustum_bottom
-        half = lens.frustum_width or 0.5 * height
-        across, down = (
-            half - lens.frustum_center,
-            lens.frustum_top,
-        )  # from the left and upper edge to the axis
-        K = np.diag([size * lens.frustum_near / (2 * half), size * lens.frustum_near / height, 1.0])
-        K[:2, 2] = size * across / (2 * half), size * down / height
+        width = 2.0 * lens.frustum_width or height
+        K = np.diag([size * lens.frustum_near / width, size * lens.frustum_near / height, 1.0])
+        K[:2, 2] = size * (0.5 - lens.frustum_center / width), size * lens.frustum_top / height
         return replace(Camera.from_opengl(1.0, pose, size, size, name), K=K)
 
     def view(self, name: str, size: int) -> View:
