@@ -19,7 +19,7 @@ from gvla2_plugins.piper.writer import CommandLog, be_urgent
 BITRATE = 1_000_000
 
 
-class _Listener(can.Listener):
+class _Listener(can.Listener):  # type: ignore[misc]
     """Hands frames to ``feedback``, and goes on listening where the bus cannot be read: it may come back."""
 
     def __init__(self, feedback: Feedback) -> None:
