@@ -29,6 +29,7 @@ from PIL import Image
 
 from gvla2.errors import GeometryError, MissingDependencyError, reading
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
+from gvla2.geometry.polygons import ears, without_polygons
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.files import write_whole
 
@@ -202,7 +203,7 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
         text = re.sub(r"(\n(?:v|vt|vn|f) [^#\n]*)#.*", r"\1", text)
     if zero := re.search(r"\nf .*(?<= )0(?!\d).*", text):
         raise GeometryError(f"'{zero[0][1:60]}' names vertex 0; an OBJ file counts from 1.")
-    text = _without_polygons(text)
+    text = without_polygons(text)
     libraries = []
     for name in re.findall(r"\nmtllib (.+)", text):
         for each in dict.fromkeys((name, *name.split())):
@@ -220,60 +221,6 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
         text = plain + text
     resolver.materials = f"{library}\nnewmtl {_PLAIN}\nKd 1 1 1\n".encode()
     return f"mtllib {_MATERIALS}{text}".encode()
-
-
-def _without_polygons(text: str) -> str:
-    """An OBJ file's text with triangles for the faces of more than four corners, which trimesh takes to be convex."""
-    polygon = r"\nf((?: +\S+){5,})"
-    points = np.array(
-        re.findall(r"\nv +(\S+) +(\S+) +(\S+)", text) if re.search(polygon, text) else [], np.float64
-    )
-
-    def cut(face: re.Match[str]) -> str:
-        words = face[1].split()
-        named = [int(word.partition("/")[0]) for word in words]
-        before = text.count("\nv ", 0, face.start()) if min(named) < 0 else 0
-        at = [number - 1 if number > 0 else before + number for number in named]
-        if max(at) >= len(points):
-            return face[0]  # trimesh says so
-        return "".join(f"\nf {' '.join(words[k] for k in ear)}" for ear in _ears(points[at]))
-
-    return re.sub(polygon, cut, text)
-
-
-_MOST_CORNERS = 500
-"""Of a face whose ears are cut off: the time grows with their square."""
-
-
-def _ears(corners: FloatArray) -> list[tuple[int, ...]]:
-    """The triangles of a polygon with ``corners`` (N, 3), by their numbers: a fan where it is convex, or crosses
-    itself; else its ears, which are cut off one after another. Raises :class:`GeometryError` for too many.
-    """
-    if (count := len(corners)) == 3:
-        return [(0, 1, 2)]
-    corners = corners - corners[0]
-    fan: list[tuple[int, ...]] = [(0, k, k + 1) for k in range(1, count - 1)]
-    up = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
-    turns = np.cross(corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners) @ up
-    if (turns >= -1e-9 * (up @ up)).all():
-        return fan
-    if count > _MOST_CORNERS:
-        raise GeometryError(f"a face has {count} corners and is not convex; export triangles.")
-    left, ears = list(range(count)), list[tuple[int, ...]]()
-    while len(left) > 3:
-        for place, tip in enumerate(left):
-            ear = (left[place - 1], tip, left[(place + 1) % len(left)])
-            ends = corners[list(ear)]
-            ways = np.roll(ends, -1, axis=0) - ends
-            others = corners[[k for k in left if not (corners[k] == ends).all(axis=1).any()]]
-            inside = (np.cross(ways, others[:, None] - ends) @ up >= 0).all(axis=1)
-            if np.cross(ways[0], ways[1]) @ up > 0 and not inside.any():
-                break
-        else:
-            return fan
-        ears.append(ear)
-        left.remove(tip)
-    return [*ears, tuple(left)]
 
 
 def _plain_ply(content: bytes) -> bytes:
@@ -321,7 +268,7 @@ def _read_off(text: str) -> trimesh.Trimesh:
         raise GeometryError("a face has fewer than three corners, or fewer than it says.")
     points = np.array([row[:3] for row in vertices], np.float64)
     fans = [
-        [polygon[k] for k in ear] for polygon in corners for ear in _ears(points[np.array(polygon, np.int64)])
+        [polygon[k] for k in ear] for polygon in corners for ear in ears(points[np.array(polygon, np.int64)])
     ]
     own = [row[1 + int(row[0]) :] for row in polygons for _ in range(int(row[0]) - 2)]
     begin = 6 if header[2] else 3
