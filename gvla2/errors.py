@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -73,6 +73,16 @@ class GeometryError(Gvla2Error, ValueError):
     """Geometric data is malformed: a wrong shape, a mirrored camera, a singular K, not-a-number."""
 
 
+def _is_pointer(path: Path) -> bool:
+    """Whether a file is what Git LFS leaves where it has not fetched the file itself."""
+    mark = b"version https://git-lfs.github.com/"
+    with suppress(OSError):
+        if path.is_file():
+            with path.open("rb") as file:
+                return file.read(len(mark)) == mark
+    return False
+
+
 @contextmanager
 def reading(
     what: str, path: str | os.PathLike[str], kind: type[Gvla2Error] = GeometryError, remedy: str = ""
@@ -98,6 +108,8 @@ def reading(
             reason = f"it lacks {reason}"
         elif not own:
             reason = f"{type(error).__name__}: {reason}"
+        if _is_pointer(Path(path)):
+            reason = "it is a Git LFS pointer, not the file itself: fetch it with `git lfs pull`"
         if not own or Path(where).name not in reason:
             reason = f"Cannot read {what} from {where}: {reason}"
         raise kind(f"{reason.rstrip('.')}.{' ' + remedy if remedy else ''}") from error

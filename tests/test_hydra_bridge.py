@@ -1,7 +1,9 @@
 """A plugin's options on the command line."""
 
+import re
 import sys
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,9 @@ from hydra.errors import HydraException
 from hypothesis import assume, given, settings
 from omegaconf import OmegaConf
 
+from gvla2 import cli
 from gvla2.commands.hydra_job import composed as run_config
-from gvla2.commands.hydra_job import quoted_instruction, schemas
+from gvla2.commands.hydra_job import quoted_instruction, report, schemas
 from gvla2.errors import ConfigurationError
 from gvla2.plugins.hydra_config import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
 from gvla2.plugins.registry import Registry, load_plugins
@@ -106,6 +109,30 @@ def test_options_that_hydra_would_add_are_refused(words: list[str], message: str
     with pytest.raises(ConfigurationError) as error:
         run_config("run", words)
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"seed:\t3\n", "mine.yaml"),
+        (b"seed: 1\nseed: 2\n", "duplicate key"),
+        (b"# caf\xe9\n", "not UTF-8 near .*caf"),
+    ],
+)
+def test_a_preset_that_is_no_yaml_is_said_without_a_traceback(
+    tmp_path: Path, capsys, content: bytes, said: str
+):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "mine.yaml").write_bytes(b"# @package _global_\n" + content)
+    assert cli.main(["run", f"--config-dir={tmp_path}", "+experiment=mine"]) == 1
+    printed = capsys.readouterr().err
+    assert re.search(said, printed)
+    assert "Traceback" not in printed
+
+
+def test_a_launchers_worker_that_was_killed_is_said_without_a_traceback(capsys):
+    assert report(BrokenProcessPool("a worker was killed")) == 1
+    assert capsys.readouterr().err == "gvla2: BrokenProcessPool: a worker was killed\n"
 
 
 @pytest.mark.parametrize("words", [["-i"], ["--instruction"], "--instruction={}", "instruction={}"])

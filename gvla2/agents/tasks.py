@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 import tomllib
@@ -159,7 +160,8 @@ def attempt(
 def run_tests(task: AgentTask, sandbox: BubblewrapSandbox) -> Output:
     """The outcome of the task's tests; status 0 means solved.
 
-    A reward that they write (1 for solved) overrides the script's own status, which is often 0.
+    A reward that they write (1 for solved), in ``reward.txt`` or else ``reward.json``, overrides the script's own
+    status, which is often 0.
     """
     # A reward that the agent left does not count, and one that cannot be removed is a failure.
     emptied = sandbox.run(f"chmod -R u+rwX /logs; rm -rf {LOGS} && mkdir -p {LOGS}", seconds=10)
@@ -168,15 +170,23 @@ def run_tests(task: AgentTask, sandbox: BubblewrapSandbox) -> Output:
     output = sandbox.run(f"bash {TESTS}/test.sh", seconds=task.test_seconds, shown={task.tests: TESTS})
     if output.timed_out:
         return output
-    read = f"if [ -e {LOGS}/reward.txt ]; then echo reward; head -c 20 {LOGS}/reward.txt; else echo none; fi"
-    what, _, reward = sandbox.run(read, seconds=10).text.partition("\n")
+    read = f"cd {LOGS}; for f in reward.txt reward.json; do [ -e $f ] && echo reward && exec head -c 2000 $f; done"
+    what, _, reward = sandbox.run(f"{read}; echo none", seconds=10).text.partition("\n")
     if what.strip() == "none":
         return output
     try:  # an answer that is neither the reward nor its absence is no success
-        solved = what.strip() == "reward" and float(reward) >= 1.0
-    except ValueError:
+        solved = what.strip() == "reward" and _number(reward) >= 1.0
+    except (TypeError, ValueError, RecursionError):
         solved = False
     return replace(output, status=0 if solved else (output.status or 1))
+
+
+def _number(reward: str) -> float:
+    """The reward in a text or in JSON: a number, an object's "reward", else the least of its numbers."""
+    found = json.loads(reward.rstrip("\N{REPLACEMENT CHARACTER}\n"))  # the sandbox shows a carriage return so
+    if isinstance(found, dict):
+        found = found["reward"] if "reward" in found else min(found.values())
+    return float(found)
 
 
 def transcript(run: AgentRun) -> str:

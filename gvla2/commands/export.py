@@ -81,7 +81,8 @@ def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
         listed = " ".join(broken[:MOST_LISTED])
         reasons = f"{f'{reasons}, ' if reasons else ''}{len(broken)} unreadable: {listed}"
     if not episodes:
-        raise Gvla2Error(f"Nothing to export below {', '.join(map(str, runs))}: {reasons or 'no episodes'}.")
+        why = reasons.rstrip(".") or "no episodes"
+        raise Gvla2Error(f"Nothing to export below {', '.join(map(str, runs))}: {why}.")
     write_dataset(target, sorted(episodes, key=lambda one: (one.labels["seed"], one.labels["run"])))
     frames = sum(len(episode.states) for episode in episodes)
     left_out = f"; left out: {reasons}" if reasons else ""
@@ -106,6 +107,8 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
     for name, what in ((FILM, "without a film"), (STATES, "without states")):
         if not (folder / name).is_file():
             return what
+    if not -(2**63) <= int(result.get("seed", -1)) < 2**63:
+        return "with a seed of more than 64 bits"
     if len(result.get("attempts", ())) > 1:  # the arm goes home in between, unfilmed
         return "in several attempts"
     arrays = ("joints", "gripper_width", "fps", "command")
@@ -128,7 +131,7 @@ def _episode(folder: Path, only: str) -> Demonstration | str | None:
         states,
         float(kept["fps"]),
         film,
-        str(result["instruction"]),
+        str(result["instruction"]).encode(errors="replace").decode(),  # of a command line that was not UTF-8
         str(result["robot"]),
         urdf,
         commands,

@@ -10,6 +10,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from numbers import Real
@@ -23,6 +24,7 @@ from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+from yaml import YAMLError
 
 from gvla2.errors import ConfigurationError, Gvla2Error, UnknownComponentError, did_you_mean
 from gvla2.io.secrets import refuse_secrets
@@ -277,6 +279,9 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
     """One message for a person: Hydra's or OmegaConf's, with the nearest name; ``registry`` names broken plugins."""
     if isinstance(error, Gvla2Error):
         return str(error)
+    if isinstance(error, UnicodeDecodeError):
+        around = error.object[max(error.start - 30, 0) : error.end + 30]
+        return f"A file is not UTF-8 near {around!r}: save it as UTF-8."
     if isinstance(error, MissingConfigException) and "/" in (error.missing_cfg_file or ""):
         group, _, name = str(error.missing_cfg_file).rpartition("/")
         options, note = error.options or (), ""
@@ -296,7 +301,8 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
 
 def report(error: Exception, registry: Registry | None = None) -> int:
     """Print an error on stderr, with its traceback if it is unexpected or ``GVLA2_DEBUG=1``; the exit status 1."""
-    expected = isinstance(error, Gvla2Error | HydraException | OmegaConfBaseException | OSError)
+    foreign = (HydraException, OmegaConfBaseException, OSError, YAMLError, UnicodeDecodeError, BrokenExecutor)
+    expected = isinstance(error, (Gvla2Error, *foreign))
     if not expected or os.environ.get("GVLA2_DEBUG", "0") not in ("", "0"):
         print(printable("".join(traceback.format_exception(error))), file=sys.stderr)
     print(f"gvla2: {printable(explain(error, registry))}", file=sys.stderr)

@@ -126,6 +126,7 @@ def _mesh(path: Path, visual: Visual) -> TexturedMesh:
         read, scale = read_textured_mesh(visual.file, up="z"), numbers(shape, "scale", (1.0, 1.0, 1.0))
         vertices = transform_points(visual.object_from_shape, read.mesh.vertices * scale)
         placed = replace(read, mesh=read.mesh.with_vertices(vertices))
+        placed = placed.flipped() if scale.prod() < 0 else placed  # mirrored
         return placed if paint is None or read.has_colours else placed.painted(paint)
     if shape.tag == "box":
         made = trimesh.creation.box(numbers(shape, "size", ()))

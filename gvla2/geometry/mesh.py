@@ -170,6 +170,11 @@ class TexturedMesh:
         rgb = np.broadcast_to(colour, self.rgb.shape).astype(np.float32)
         return replace(self, rgb=rgb, texture=np.full_like(self.texture, -1), images=())
 
+    def flipped(self) -> TexturedMesh:
+        """The same mesh with its faces wound the other way."""
+        mesh = replace(self.mesh, faces=self.mesh.faces[:, ::-1])
+        return replace(self, mesh=mesh, uv=self.uv[:, ::-1], rgb=self.rgb[:, ::-1])
+
     def normalised(self) -> TexturedMesh:
         """The same mesh with its bounding box centred at the origin and its longest side 1.
 

@@ -29,13 +29,17 @@ from PIL import Image
 
 from gvla2.errors import GeometryError, MissingDependencyError, reading
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
+from gvla2.geometry.polygons import ears, without_polygons
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.files import write_whole
 
 READABLE = (".obj", ".glb", ".gltf", ".ply", ".stl", ".dae", ".off")
 WRITABLE = (".obj", ".glb", ".ply")
 _GLTF = (".glb", ".gltf")
-_UNREADABLE = {"EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"}
+_UNREADABLE = {
+    *("EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization"),
+    "EXT_mesh_gpu_instancing",
+}
 _READ = {"KHR_draco_mesh_compression", "KHR_texture_transform", "EXT_texture_webp", "KHR_lights_punctual"}
 """Extensions of glTF that trimesh would misread, and those that may be required; of Draco it asks DracoPy."""
 _EXACT = {"TEXCOORD_0": "_UV", "COLOR_0": "_RGB"}
@@ -199,6 +203,7 @@ def _plain_obj(content: bytes, resolver: _BesideResolver) -> bytes:
         text = re.sub(r"(\n(?:v|vt|vn|f) [^#\n]*)#.*", r"\1", text)
     if zero := re.search(r"\nf .*(?<= )0(?!\d).*", text):
         raise GeometryError(f"'{zero[0][1:60]}' names vertex 0; an OBJ file counts from 1.")
+    text = without_polygons(text)
     libraries = []
     for name in re.findall(r"\nmtllib (.+)", text):
         for each in dict.fromkeys((name, *name.split())):
@@ -230,9 +235,18 @@ def _plain_ply(content: bytes) -> bytes:
 
 
 def _plain_stl(content: bytes) -> bytes:
-    """A binary STL file without what follows its triangles, for which trimesh would take it for text."""
-    size = 84 + 50 * struct.unpack_from("<I", content, 80)[0] if len(content) >= 84 else 0
-    return content[:size] if 84 < size < len(content) and b"facet" not in content[:1000] else content
+    """A binary STL file without what follows its triangles, for which trimesh would take it for text.
+
+    Raises :class:`GeometryError` for one that ends before its last triangle.
+    """
+    if len(content) < 84 or b"facet" in content[84:2000].lower():
+        return content
+    count = struct.unpack_from("<I", content, 80)[0]
+    if len(content) < 84 + 50 * count:
+        raise GeometryError(
+            f"it is no STL file, or cut: its {len(content)} bytes do not hold {count} triangles."
+        )
+    return content[: 84 + 50 * count] if count else content
 
 
 def _read_off(text: str) -> trimesh.Trimesh:
@@ -252,13 +266,14 @@ def _read_off(text: str) -> trimesh.Trimesh:
         for polygon, row in zip(corners, polygons, strict=True)
     ):
         raise GeometryError("a face has fewer than three corners, or fewer than it says.")
-    fans = [[polygon[0], *polygon[k : k + 2]] for polygon in corners for k in range(1, len(polygon) - 1)]
+    points = np.array([row[:3] for row in vertices], np.float64)
+    fans = [
+        [polygon[k] for k in ear] for polygon in corners for ear in ears(points[np.array(polygon, np.int64)])
+    ]
     own = [row[1 + int(row[0]) :] for row in polygons for _ in range(int(row[0]) - 2)]
     begin = 6 if header[2] else 3
     painted = [row[begin:] for row in vertices] if header[1] else []
-    mesh = trimesh.Trimesh(
-        np.array([row[:3] for row in vertices], np.float64), np.array(fans, np.int64), process=False
-    )
+    mesh = trimesh.Trimesh(points, np.array(fans, np.int64), process=False)
     if painted:
         mesh.visual.vertex_colors = _off_colours(painted)
     elif own and all(len(colour) >= 3 for colour in own):
@@ -354,8 +369,16 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
     required = {e for e in tree.get("extensionsRequired", ()) if not e.startswith("KHR_materials_")} - _READ
     if found := sorted(required | _UNREADABLE & set(tree.get("extensionsUsed", ()))):
         raise GeometryError(f"it uses {', '.join(found)}, which is not read; export it without.")
-    if any("sparse" in accessor for accessor in tree.get("accessors", ())):
-        raise GeometryError("it has sparse accessors, which are not read; export it without.")
+    meshes, nodes = tree.get("meshes", ()), tree.get("nodes", ())
+    primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
+    unread = {
+        "sparse accessors": any("sparse" in accessor for accessor in tree.get("accessors", ())),
+        "triangle fans": any(primitive.get("mode") == 6 for primitive in primitives),
+        "skins": any("skin" in node for node in nodes),
+        "weighted morph targets": any(any(each.get("weights", ())) for each in (*meshes, *nodes)),
+    }
+    if there := [what for what, has in unread.items() if has]:
+        raise GeometryError(f"it has {' and '.join(there)}, which are not read; export it without.")
     for image in tree.get("images", ()) if binary else ():
         view = tree["bufferViews"][image["bufferView"]] if "bufferView" in image else {"byteLength": 0}
         begin = 8 + view.get("byteOffset", 0)  # behind the head of the binary chunk
@@ -378,7 +401,7 @@ def _plain_gltf(content: bytes) -> tuple[bytes, dict[str, FloatArray]]:
             c, s = np.cos(move.get("rotation", 0.0)), np.sin(move.get("rotation", 0.0))
             turn = np.array([[c, s, x], [-s, c, y], [0.0, 0.0, 1.0]])
             moves[str(number)] = turn @ np.diag([*scale, 1.0])
-    for primitive in (p for mesh in tree.get("meshes", ()) for p in mesh["primitives"]):
+    for primitive in primitives:
         if wanted := sets.get(primitive.get("material"), 0):
             draco = primitive.get("extensions", {}).get("KHR_draco_mesh_compression", {})
             for attributes in filter(None, (primitive["attributes"], draco.get("attributes"))):

@@ -138,6 +138,8 @@ def nearest(maps: NDArray[Any], height: int, width: int) -> NDArray[Any]:
 
 _CONVENTIONS = {"opencv": np.eye(4), "opengl": np.diag([1.0, -1.0, -1.0, 1.0])}
 _PICTURES = (".png", ".jpg", ".jpeg")
+_LENS = re.compile(r"(?i)k[1-6]|p[12]|d|dist(ortion)?(_?(coeffs?|coefficients|params))?")
+"""What others call the coefficients of a lens."""
 
 
 def cameras_of(folder: Path) -> Path:
@@ -188,7 +190,7 @@ def _plain_readers(cameras: Path) -> Readers:
     names = [entry.get("name") for entry in document["views"]]
     if twice := [name for name in names if names.count(name) > 1]:
         raise GeometryError(f"Cannot read the cameras from {cameras}: two views are called '{twice[0]}'.")
-    shared = {k: document[k] for k in ("K", "convention") if k in document}
+    shared = {k: document[k] for k in document if k in ("K", "convention") or _LENS.fullmatch(k)}
     return {
         n: partial(_plain_view, cameras, {**shared, **entry}) for n, entry in enumerate(document["views"])
     }
@@ -211,7 +213,13 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
             mask = _read_mask(mask_file)
         depth = None
         if (depth_file := first("depth", (".npy",))) is not None:
-            depth = read_array(depth_file, "the depth").astype(np.float32)
+            depth = read_array(depth_file, "the depth")
+            if depth.dtype.kind in "iu":
+                raise GeometryError(
+                    f"{depth_file} has integers, perhaps millimetres; depth is in metres: write it as floats, times "
+                    "the camera's unit."
+                )
+            depth = depth.astype(np.float32)
             depth = depth[..., 0] if depth.ndim == 3 and depth.shape[2] == 1 else depth
             depth = np.where((depth > 0) & (depth < np.inf), depth, np.float32(np.nan))
         own = first("robot", _PICTURES)
@@ -222,6 +230,11 @@ def _plain_view(cameras: Path, entry: Mapping[str, Any]) -> View:
 
 
 def _camera(entry: Mapping[str, Any], image: NDArray[np.uint8], name: str) -> Camera:
+    if bent := [key for key in entry if _LENS.fullmatch(key) and np.any(entry[key])]:
+        raise GeometryError(
+            f"its lens is distorted ({', '.join(bent)}); K says all of a pinhole camera: undistort the pictures first, "
+            "and give the K of the result."
+        )
     if "K" not in entry or not ("T" in entry or "world_from_camera" in entry):
         raise GeometryError("it needs K, and T or world_from_camera.")
     convention = str(entry.get("convention", "opencv")).lower()

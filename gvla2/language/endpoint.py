@@ -157,7 +157,7 @@ class Endpoint:
         return replace(answer, latency=time.monotonic() - began)
 
     async def _ask(self, client: openai.AsyncOpenAI, request: Request) -> dict[str, Any]:
-        """The answer's JSON. A schema or log-probabilities that the server refuses are left out from then on."""
+        """The answer's JSON. A schema, log-probabilities or a seed that the server refuses is left out from now on."""
         body = request_body(request, self._options, grammars=self._server.grammars) | self._options.extra
         for name in self._refused:
             body.pop(name, None)
@@ -170,18 +170,21 @@ class Endpoint:
                 client, create, model=self._model, messages=body["messages"], extra_body=extra
             )
 
-        try:
-            return await sent()
-        except ModelRefusedError as error:
-            optional = _OPTIONAL & body.keys()
-            if error.status not in _UNKNOWN or not optional:
-                raise
+        without: set[str] = set()
+        first: ModelRefusedError | None = None
+        while True:
             try:
-                document = await sent(optional)
-            except ModelRefusedError:
-                raise error from None
-        self._refused |= optional
-        return document
+                document = await sent(without)
+            except ModelRefusedError as error:
+                first, left = first or error, body.keys() - without
+                named = {"seed"} & left if "seed" in str(error) else set[str]()
+                optional = named or _OPTIONAL & left
+                if error.status not in _UNKNOWN or not optional:
+                    raise first from None
+                without |= optional
+            else:
+                self._refused |= without
+                return document
 
     async def _sent(self, client: openai.AsyncOpenAI, send: Any, **asked: Any) -> dict[str, Any]:
         """The JSON that answers a request. What the server says, in an answer or an error, never holds the key.
@@ -215,7 +218,8 @@ class Endpoint:
     def _status_failure(
         self, where: object, error: openai.APIStatusError
     ) -> ModelUnavailableError | ModelRefusedError:
-        message = error.body.get("message") if isinstance(error.body, Mapping) else None
+        body = error.body
+        message = (body.get("message") or body.get("detail")) if isinstance(body, Mapping) else body
         status = error.status_code
         said = self._redacted(" ".join(str(message or error.message).split()))[:300]
         if status in _BUSY or status >= 500:

@@ -108,7 +108,11 @@ def _lesson(line: Mapping[str, Any]) -> tuple[Lesson, Verdict, MemoryTask]:
     if wrong := invalid(lesson):
         raise ValueError(wrong)
     quality, confidence = (float(line.get(name, 0.5)) for name in ("quality", "confidence"))
+    if not (0 <= quality <= 1 and 0 <= confidence <= 1):
+        raise ValueError(f"its quality {quality:g} and confidence {confidence:g} must be between 0 and 1")
     verdict = Verdict(outcome, quality, confidence, verifier="import")
-    query, skill = (str(line.get(name) or "") for name in ("query", "skill"))
+    query, skill = (line.get(name) or "" for name in ("query", "skill"))
+    if not (isinstance(query, str) and isinstance(skill, str)):
+        raise ValueError("'query' and 'skill' are texts")
     f"{query}{skill}".encode()  # a lone surrogate, which no database takes, raises ValueError
     return lesson, verdict, MemoryTask(query, finite(dict(line.get("signature") or {})), skill)

@@ -41,7 +41,7 @@ TRUNCATED = 0.02
 """Metres at which a point's distance from a scan is truncated."""
 TURNS = Rotation.from_rotvec(np.outer(np.arange(20) * (2 * np.pi / 20), [0.0, 0.0, 1.0])).as_matrix()
 """(20, 3, 3) turns about the vertical that are tried for each resting pose."""
-VERSION = 8
+VERSION = 9
 _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
 """Stems that do not name an object: its folder does. Of several in a folder the first one here counts."""
 _MODELS = ("mobility", "robot", "urdf")

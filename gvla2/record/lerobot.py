@@ -11,7 +11,9 @@ a frame, the action what the robot is driven to at the next one (the last repeat
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,7 +29,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import Gvla2Error, OutputError, reading
 from gvla2.io.files import make_folder, write_json
-from gvla2.record.motion import Film, check_whole, opened
+from gvla2.record.motion import Film, check_whole, even, opened
 from gvla2.record.page import render
 
 PICTURES = "observation.images."
@@ -58,13 +60,14 @@ class VideoFile:
             frames, size = 0, (0, 0)
             colours = np.zeros((len(cameras), 3, 256), np.int64)
             for frame in _frames(path):
-                for k, picture in enumerate(np.split(frame, len(cameras), axis=1)):
+                pictures = _pictures(frame, len(cameras))
+                for k, picture in enumerate(pictures):
                     pixels = picture[::EVERY, ::EVERY].reshape(-1, 3)
                     colours[k] += [np.bincount(channel, minlength=256) for channel in pixels.T]
-                frames, size = frames + 1, frame.shape[:2]
+                frames, size = frames + 1, pictures[0].shape[:2]
             if not frames:
                 raise Gvla2Error("it has no frames.")
-        return cls(path, tuple(cameras), frames, (size[0], size[1] // len(cameras)), colours)
+        return cls(path, tuple(cameras), frames, size, colours)
 
     def write(self, places: Sequence[Path], fps: float) -> None:
         """Write the film of each camera."""
@@ -73,7 +76,7 @@ class VideoFile:
             return
         films: list[Film] = []
         for frame in _frames(self.path):
-            pictures = [np.ascontiguousarray(one) for one in np.split(frame, len(places), axis=1)]
+            pictures = _pictures(frame, len(places))
             films = films or [opened(*one, fps) for one in zip(places, pictures, strict=True)]
             for film, picture in zip(films, pictures, strict=True):
                 film.send(picture.tobytes())
@@ -90,13 +93,18 @@ def _frames(path: Path) -> Iterator[NDArray[np.uint8]]:
         yield np.frombuffer(frame, np.uint8).reshape(height, width, 3)
 
 
+def _pictures(frame: NDArray[np.uint8], cameras: int) -> list[NDArray[np.uint8]]:
+    """The pictures of cameras side by side, cropped to even sides as encoders require."""
+    return [even(picture) for picture in np.split(frame, cameras, axis=1)]
+
+
 @dataclass(frozen=True)
 class Demonstration:
     """One episode: ``states`` (T, dof + 1) joints and opening, its ``film`` of T frames at ``fps``, its sentence; the
     ``robot`` by name, and ``source``, what else distinguishes arms and cameras; ``commands`` (T, dof + 1) what the
     robot was driven to, if that is known; ``labels`` are columns of the episode's row: seed, run, success and failure.
 
-    Raises :class:`Gvla2Error` for a film with another number of frames.
+    Raises :class:`Gvla2Error` for a film with another number of frames, and for numbers that no policy can learn from.
     """
 
     states: NDArray[np.float32]
@@ -111,6 +119,13 @@ class Demonstration:
     def __post_init__(self) -> None:
         if self.film.frames != len(self.states):
             raise Gvla2Error(f"{self.film.path} has {self.film.frames} frames for {len(self.states)} states.")
+        goals = self.states if self.commands is None else self.commands
+        if goals.shape != self.states.shape:
+            raise Gvla2Error(f"{self.film.path}: commands {goals.shape} for states {self.states.shape}.")
+        if not (np.isfinite([self.states, goals]).all() and 0 < self.fps < np.inf):
+            raise Gvla2Error(
+                f"{self.film.path}: states or commands not finite, or no rate ({self.fps:g} Hz)."
+            )
 
     @property
     def actions(self) -> NDArray[np.float32]:
@@ -142,13 +157,22 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
         )
     aside = folder.absolute().with_name(f".{folder.absolute().name}.unfinished")
     try:
-        shutil.rmtree(aside, ignore_errors=True)  # of an export that was killed
-        _write_whole(make_folder(aside), episodes)
-        aside.replace(folder)
+        lock = os.open(make_folder(aside), os.O_RDONLY)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for old in aside.iterdir():  # of an export that was killed
+                shutil.rmtree(old)
+            _write_whole(aside, episodes)
+            aside.replace(folder)
+        except BlockingIOError:
+            raise Gvla2Error(f"Another export writes the data set '{folder}' now.") from None
+        except BaseException:
+            shutil.rmtree(aside, ignore_errors=True)
+            raise
+        finally:
+            os.close(lock)
     except OSError as error:
         raise OutputError(f"The data set '{folder}' cannot be written: {error.strerror or error}.") from error
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
 
 
 def _write_whole(folder: Path, episodes: Sequence[Demonstration]) -> None:

@@ -59,14 +59,14 @@ class Motion:
         """A frame, as large as the first one; sides are cropped to even numbers, as players require."""
         if getattr(image, "ndim", 0) != 3 or min(image.shape[:2]) < SMALLEST:
             return
-        even = _even(image)
+        cropped = even(image)
         self._frames += 1
         if self._first is None:
-            self._first = even
+            self._first = cropped
             return
         if self._frames == 2:
             self._later(self._open, self._first, self.fps)
-        self._later(self._send, even)
+        self._later(self._send, cropped)
 
     @property
     def fps(self) -> float:
@@ -128,7 +128,8 @@ def check_whole(film: Path) -> Path:
     return film
 
 
-def _even(image: Frame) -> Frame:
+def even(image: Frame) -> Frame:
+    """A picture cropped to even sides."""
     return np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
 
 

@@ -60,7 +60,9 @@ def _shape(solid: ET.Element, robot: ET.Element, thinned: bool) -> Surface | Non
     shape = solid.find("geometry/*")
     if shape is not None and shape.tag == "mesh":
         surface = _read_mesh(Path(shape.get("filename", "")), rgb, thinned)
-        surface = replace(surface, vertices=surface.vertices * numbers(shape, "scale", (1.0, 1.0, 1.0)))
+        scale = numbers(shape, "scale", (1.0, 1.0, 1.0))
+        faces = surface.faces[:, ::-1] if scale.prod() < 0 else surface.faces  # mirrored
+        surface = replace(surface, vertices=surface.vertices * scale, faces=faces)
     elif shape is not None and shape.tag in ("box", "cylinder", "sphere"):
         size = numbers(shape, "size", 2 * numbers(shape, "radius", (0.0,)).repeat(3))
         size[2] = numbers(shape, "length", size[2:])[0]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from gvla2.errors import ConfigurationError, GeometryError, did_you_mean
-from gvla2.geometry.mesh import Texture, TexturedMesh, TriangleMesh
+from gvla2.geometry.mesh import Texture, TexturedMesh
 from gvla2.geometry.mesh_files import read_textured_mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.perception.scans import corners_of, scan_files
@@ -112,10 +112,7 @@ def _read(source: Path, scale: float | None, changed: int) -> Scan:
     offset = 0.5 * (low + high) * factor
     mesh = textured.mesh.with_vertices(textured.mesh.vertices * factor - offset)
     textured = replace(textured, mesh=mesh)
-    if mesh.volume < 0:
-        mesh = TriangleMesh(mesh.vertices, mesh.faces[:, ::-1], mesh.colours)
-        textured = replace(textured, mesh=mesh, uv=textured.uv[:, ::-1], rgb=textured.rgb[:, ::-1])
-    return Scan(textured, offset, str(source), factor)
+    return Scan(textured.flipped() if mesh.volume < 0 else textured, offset, str(source), factor)
 
 
 def scanned_body(

@@ -41,7 +41,7 @@ def find_file(name: str, option: str) -> Path:
         where = "in no installed package's files" if path is None else "no file"
         raise RobotError(
             f"{option}={name} is {where}. Give the path of a file, or package://PACKAGE/PATH of a package that pip or "
-            "ROS has installed (ROS_PACKAGE_PATH)."
+            "ROS has installed (ROS_PACKAGE_PATH, AMENT_PREFIX_PATH)."
         )
     return path.absolute()
 
@@ -190,8 +190,13 @@ def _as_obj(source: Path) -> Path:
 def _in_package(name: str) -> Path | None:
     """The file of ``package://PACKAGE/PATH``: in ROS's folders, an installed distribution or a Python package."""
     package, _, rest = name.removeprefix(PACKAGE).lstrip("/").partition("/")
-    for folder in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
-        for root in (Path(folder), Path(folder) / package):
+    ros = {
+        name: os.environ.get(name, "").split(os.pathsep) for name in ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH")
+    }
+    folders = [Path(one) for one in ros["ROS_PACKAGE_PATH"] if one]
+    folders += [Path(one) / "share" for one in ros["AMENT_PREFIX_PATH"] if one]  # of ROS 2
+    for folder in folders:
+        for root in (folder, folder / package):
             if root.name == package and (root / rest).is_file():
                 return root / rest
     files: Sequence[PackagePath] = ()
@@ -205,5 +210,5 @@ def _in_package(name: str) -> Path | None:
     if found is not None:
         return Path(str(found.locate())).resolve()
     spec = find_spec(package) if package.isidentifier() else None
-    folders = (spec.submodule_search_locations if spec else None) or []
-    return next((Path(f) / rest for f in folders if (Path(f) / rest).is_file()), None)
+    places = (spec.submodule_search_locations if spec else None) or []
+    return next((Path(f) / rest for f in places if (Path(f) / rest).is_file()), None)

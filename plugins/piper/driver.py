@@ -54,7 +54,9 @@ def measured(link: PiperLink) -> DriverState:
     seen = link.feedback.snapshot()
     if seen.joint_age > 0.5 or seen.gripper_age > 0.5:
         age = max(seen.joint_age, seen.gripper_age)
-        raise RobotError(f"The arm on '{link.channel}' was last heard {age:.2f} s ago: is the cable out?")
+        raise RobotError(
+            f"The arm on '{link.channel}' was last heard {age:.2f} s ago{seen.lost}: is the cable out?"
+        )
     return DriverState(seen.joints, seen.gripper_width, time.monotonic())
 
 

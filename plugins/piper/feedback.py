@@ -24,7 +24,8 @@ class Snapshot:
     ``joints`` (6,) radians are the last plausible ones, NaN before they came; ``joint_age`` seconds, of the oldest of
     the three frames that make them up; ``zeros`` says that all six were exactly 0 when last heard. ``gripper_width``
     metres. ``state``, ``error_code`` and ``control`` come from the status frame; ``enabled`` by drive; ``faults`` in
-    words. ``foreign`` describes a command of another program; ``unbelievable`` an impossible measurement.
+    words. ``foreign`` describes a command of another program; ``unbelievable`` an impossible measurement; ``lost`` says
+    in brackets why the bus cannot be read, since the last frame.
     """
 
     time: float
@@ -44,6 +45,7 @@ class Snapshot:
     foreign: str
     unbelievable: str
     answered: float
+    lost: str
 
 
 class Feedback:
@@ -56,12 +58,18 @@ class Feedback:
         self._heard: dict[int, float] = defaultdict(lambda: -NEVER)
         self._joints = np.full(6, np.nan)
         self._believed = [-NEVER] * 3  # when each joint frame was last believable
-        self._foreign, self._unbelievable = "", ""
+        self._foreign, self._unbelievable, self._lost = "", "", ""
+
+    def lose(self, why: str) -> None:
+        """The bus cannot be read now."""
+        with self._lock:
+            self._lost = f" ({why})"
 
     def take(self, arbitration_id: int, data: bytes, now: float | None = None) -> None:
         """One frame off the bus, which does not give this program's own frames back."""
         now = time.monotonic() if now is None else now
         with self._lock:
+            self._lost = ""
             if arbitration_id in frames.COMMANDS:
                 self._foreign = f"{arbitration_id:03X} [{data.hex(' ')}]"
                 return
@@ -122,6 +130,7 @@ class Feedback:
                 foreign=self._foreign,
                 unbelievable=self._unbelievable,
                 answered=max(self._heard[answer] for answer in frames.ANSWERS),
+                lost=self._lost,
             )
 
 
@@ -158,7 +167,7 @@ class Watch:
         if sending:
             return sending
         if seen.joint_age > STALE + asleep:
-            return f"no joint feedback for {1e3 * seen.joint_age:.0f} ms"
+            return f"no joint feedback for {1e3 * seen.joint_age:.0f} ms{seen.lost}"
         if seen.status_age > STALE_STATUS + asleep:
             return f"no status for {1e3 * seen.status_age:.0f} ms"
         if seen.drive_age > STALE_DRIVES + asleep:

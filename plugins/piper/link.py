@@ -19,6 +19,26 @@ from gvla2_plugins.piper.writer import CommandLog, be_urgent
 BITRATE = 1_000_000
 
 
+class _Listener(can.Listener):  # type: ignore[misc]
+    """Hands frames to ``feedback``, and goes on listening where the bus cannot be read: it may come back."""
+
+    def __init__(self, feedback: Feedback) -> None:
+        self._feedback, self._urgent = feedback, False
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """One frame."""
+        if not self._urgent:
+            self._urgent = True
+            be_urgent()  # this is the reader's thread: what it is late with looks stale
+        if not msg.is_error_frame and len(msg.data) == 8:
+            self._feedback.take(msg.arbitration_id, bytes(msg.data))
+
+    def on_error(self, exc: Exception) -> None:
+        """Why the bus cannot be read; the pause keeps a dead one from filling a core."""
+        self._feedback.lose(str(exc))
+        time.sleep(0.05)
+
+
 class PiperLink:
     """An open bus with an arm on it. Listens at once; sends only after ``gate.open_gate``.
 
@@ -29,7 +49,6 @@ class PiperLink:
     def __init__(self, bus: str, channel: str, bounds: Bounds, log: CommandLog | None) -> None:
         self.bus, self.channel, self.bounds = bus, channel, bounds
         self.feedback = Feedback()
-        self._urgent = False
         try:
             self._bus = can.Bus(channel=channel, interface=bus, bitrate=BITRATE)
         except (can.CanError, OSError, ValueError, ImportError) as error:
@@ -39,14 +58,7 @@ class PiperLink:
                 "without an arm: robot.bus=none."
             ) from error
         self.gate = CommandGate(self._bus, bounds, log, self.feedback.joints)
-        self._reader = can.Notifier(self._bus, [self._heard], timeout=0.1)
-
-    def _heard(self, message: can.Message) -> None:
-        if not self._urgent:
-            self._urgent = True
-            be_urgent()  # this is the reader's thread: what it is late with looks stale
-        if not message.is_error_frame and len(message.data) == 8:
-            self.feedback.take(message.arbitration_id, bytes(message.data))
+        self._reader = can.Notifier(self._bus, [_Listener(self.feedback)], timeout=0.1)
 
     def wait_for_feedback(self, seconds: float = 3.0) -> Snapshot:
         """Wait for joints, status and all drives; raises :class:`RobotError` if they do not come."""
@@ -60,8 +72,9 @@ class PiperLink:
         missing = [name for name, age in ages.items() if not np.isfinite(age)]
         if len(missing) == len(ages):
             raise RobotError(
-                f"No frames come from the arm on {self.bus} '{self.channel}' within {seconds:g} s. Is it powered, "
-                "the cable in, and the bus at 1 Mbit/s (`ip -details link show`)? A wrong bitrate looks like no arm."
+                f"No frames come from the arm on {self.bus} '{self.channel}' within {seconds:g} s{seen.lost}. Is it "
+                "powered, the cable in, and the bus at 1 Mbit/s (`ip -details link show`)? A wrong bitrate looks like "
+                "no arm."
             )
         why = seen.unbelievable or f"these frames don't come: {', '.join(missing)}"
         raise RobotError(f"The arm on '{self.channel}' talks, but {why}.")

@@ -18,7 +18,7 @@ class SapienArmConfig(WorkcellConfig):
 
     ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist, or out of ``camera_poses`` and wrist;
     ``image_size`` is their side in pixels. While the arm moves, ``video_cameras`` (the first camera where none is
-    named) take pictures of ``video_size`` pixels, side by side, ``video_fps`` times a second, at 0 never.
+    named) take pictures of ``video_size`` pixels, made even, side by side, ``video_fps`` times a second, at 0 never.
     ``physics_rate`` is in steps per second. The arm's joints are position drives with feed-forward velocity:
     ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the largest force of one
     finger, ``grip_speed`` a finger's speed.

@@ -170,7 +170,7 @@ class SapienArm(DrivenRobot):
         world = self._sane_world("moved")
 
         def film() -> None:
-            size, tool = self._config.video_size, self._arm.forward(world.joints)
+            size, tool = -(-self._config.video_size // 2) * 2, self._arm.forward(world.joints)
             filming = self._config.video_cameras or self._config.cameras[:1]
             cameras, sight = [self._cell.camera(name, size, tool) for name in filming], self._sight()
 

@@ -203,6 +203,23 @@ def test_a_task_whose_own_folders_are_links_is_refused(tmp_path: Path, name):
         read_task(task.folder)
 
 
+@pytest.mark.parametrize(
+    ("script", "status"),
+    [
+        ("echo 0.5 > reward.txt", 1),
+        ("printf '1\\r\\n' > reward.txt; exit 3", 0),
+        ('echo \'{"reward": 0, "why": "it is late"}\' > reward.json', 1),
+        ("echo '{\"reward\": 1.0}' > reward.json; exit 3", 0),
+        ('echo \'{"fast": 1, "right": 0}\' > reward.json', 1),
+        ("echo '{}' > reward.json", 1),
+        ("echo 1 > reward.txt; echo 0 > reward.json", 0),
+    ],
+)
+def test_the_reward_that_tests_write_counts(sandboxed, tmp_path: Path, script: str, status: int):
+    with bubblewrap(task := task_in(tmp_path / "task", f"cd /logs/verifier; {script}\n")) as box:
+        assert (run_tests(task, box).status == 0) == (status == 0)
+
+
 def test_the_agent_cannot_write_its_own_reward(sandboxed, tmp_path: Path):
     elsewhere = tmp_path / "reward"
     elsewhere.mkdir()

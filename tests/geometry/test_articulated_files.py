@@ -6,8 +6,12 @@ import trimesh
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.articulated_files import read_articulated
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.perception.articulated import joint_of
 from gvla2.perception.scans import read_scans, scan_files
+from gvla2.robot import urdf
+from gvla2.robot.looks import link_surfaces
+from gvla2.robot.urdf import read_urdf
 
 BOX = '<visual><geometry><box size="0.1 0.2 0.3"/></geometry></visual>'
 SLIDE = '<axis xyz="0 0 2"/><limit lower="0" upper="0.1"/>'
@@ -119,6 +123,31 @@ def test_prefixes_without_a_declaration_byte_order_marks_and_windows_paths(writt
         path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b">", b">\r\n"))
         ((_, cube),) = read_articulated(path).meshes()
         assert cube.mesh.bounds.tolist() == [[-1, -1, -1], [1, 1, 1]]
+
+
+@pytest.mark.parametrize(
+    ("variable", "below"), [("ROS_PACKAGE_PATH", "arm"), ("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "")]
+)
+def test_meshes_of_packages_of_ros(written, tmp_path, monkeypatch, variable, below):
+    folder = tmp_path / "ros" / ("share" if variable.startswith("AMENT") else "") / "arm"
+    folder.mkdir(parents=True)
+    (tmp_path / "cube.ply").rename(folder / "cube.ply")
+    monkeypatch.setenv(variable, f":{tmp_path / 'ros' / below}")
+    urdf._in_package.cache_clear()
+    mesh = '<visual><geometry><mesh filename="package://arm/cube.ply"/></geometry></visual>'
+    (path,) = {
+        m.get("filename") for m in read_urdf(written(link("base", mesh))).iterfind("link/visual//mesh")
+    }
+    assert path == str(folder / "cube.ply")
+
+
+def test_a_mirrored_mesh_keeps_its_outside_out(written):
+    mesh = '<visual><geometry><mesh filename="cube.ply" scale="1 -0.5 1"/></geometry></visual>'
+    path = written(link("base", mesh))
+    ((_, cube),) = read_articulated(path).meshes()
+    (surface,) = link_surfaces(read_urdf(path)).values()
+    assert cube.mesh.volume == pytest.approx(4.0)
+    assert TriangleMesh(surface.vertices, surface.faces).volume == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize("case", BROKEN)

@@ -182,6 +182,28 @@ def test_a_binary_stl_file_with_something_behind_its_triangles(tmp_path: Path) -
     np.testing.assert_allclose(read_mesh(tmp_path / "m.stl").bounds, [[-0.5, -1, -1.5], [0.5, 1, 1.5]])
 
 
+BENT = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (3, 3), (3, 4), (0, 4)]
+"""A C-shaped polygon of area 9."""
+
+
+@pytest.mark.parametrize("start", range(len(BENT)))
+@pytest.mark.parametrize("kind", ["obj", "negative obj", "off"])
+def test_a_polygon_that_is_not_convex_is_filled_within(tmp_path: Path, kind: str, start: int) -> None:
+    turned = BENT[start:] + BENT[:start]
+    rows, count = [f"{x} {x - y} {y}" for x, y in turned], len(BENT)
+    numbers = {"obj": range(1, count + 1), "negative obj": range(-count, 0), "off": range(count)}[kind]
+    face = " ".join(f"{n}//" if "obj" in kind else f"{n}" for n in numbers)
+    path = tmp_path / f"m.{kind[-3:]}"
+    if kind == "off":
+        path.write_text("\n".join(["OFF", f"{count} 1 0", *rows, f"{count} {face}"]))
+    else:
+        path.write_text("\n".join([*(f"v  {row}" for row in rows), f"f {face}", ""]))
+    mesh = read_mesh(path)
+    assert len(mesh.faces) == count - 2
+    assert mesh.areas.sum() == pytest.approx(9 * np.sqrt(3))
+    assert (mesh.normals @ mesh.normals[0] > 0.99).all()
+
+
 def test_a_missing_library_leaves_a_mesh_without_colours(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(f"mtllib gone.mtl\n{SQUARE}usemtl m\n{QUAD}")
     assert not read_textured_mesh(tmp_path / "m.obj").has_colours
@@ -390,13 +412,23 @@ def test_a_picture_that_would_fill_the_memory_is_refused(tmp_path: Path, monkeyp
         read_mesh(tmp_path / f"m{suffix}")
 
 
-def compressed(path: Path) -> None:
-    def require(tree: dict[str, object]) -> None:
-        tree["extensionsUsed"] = ["EXT_meshopt_compression"]
+def with_change(change: Callable[[Any], object]) -> Callable[[Path], object]:
+    """Writes the GLB file of a box whose tree was changed."""
+    box = trimesh.creation.box((1, 1, 1)).scene()
+    return lambda path: path.write_bytes(box.export(file_type="glb", tree_postprocessor=change))
 
-    path.write_bytes(
-        trimesh.creation.box((1, 1, 1)).scene().export(file_type="glb", tree_postprocessor=require)
-    )
+
+def using(extension: str) -> Callable[[Path], object]:
+    return with_change(lambda tree: tree.update(extensionsUsed=[extension]))
+
+
+def jagged(count: int) -> bytes:
+    turns = np.exp(2j * np.pi * np.arange(count) / count) * (1 + np.arange(count) % 2)
+    rows = [f"{turn.real} {turn.imag} 0" for turn in turns]
+    return "\n".join([f"OFF {count} 1 0", *rows, f"{count} {' '.join(map(str, range(count)))}"]).encode()
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsize 12345\n"
 
 
 @pytest.mark.parametrize(
@@ -413,7 +445,15 @@ def compressed(path: Path) -> None:
         ("m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n", "m.off"),
         ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "'f 0 1 2' names vertex 0"),
         ("m.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "m.obj"),
-        ("m.glb", compressed, "EXT_meshopt_compression"),
+        ("m.glb", using("EXT_meshopt_compression"), "EXT_meshopt_compression"),
+        ("m.glb", using("EXT_mesh_gpu_instancing"), "EXT_mesh_gpu_instancing"),
+        ("m.glb", with_change(lambda t: t["meshes"][0]["primitives"][0].update(mode=6)), "triangle fans"),
+        ("m.glb", with_change(lambda t: t["meshes"][0].update(weights=[0, 0.5])), "morph targets"),
+        ("m.glb", with_change(lambda t: t["nodes"][-1].update(skin=0)), "skins"),
+        ("m.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl")[:-20], "do not hold 12 triangles"),
+        ("m.stl", POINTER * 2, "Git LFS pointer.*git lfs pull"),
+        ("m.off", jagged(502), "502 corners and is not convex"),
+        ("m.obj", POINTER, "Git LFS pointer.*git lfs pull"),
     ],
 )
 def test_broken_files_are_named_and_explained(tmp_path: Path, name: str, content: object, words: str) -> None:

@@ -113,6 +113,12 @@ def test_refusals_say_what_to_do_and_are_not_repeated(status: int, advice: str):
     assert caught.value.status == status
 
 
+@pytest.mark.parametrize("body", [{"error": "no such model"}, {"detail": "no such model"}])
+def test_what_a_server_says_of_a_refusal_in_its_own_form(body: dict[str, str]):
+    with LocalModel(replying(Reply(body, 404))) as model, pytest.raises(ModelRefusedError, match="no such"):
+        ask(endpoint(model))
+
+
 @pytest.mark.parametrize(
     "reply",
     [
@@ -319,6 +325,18 @@ def test_what_is_refused_is_left_out_then_and_later(answering, calls: int):
         for asked_before in (0, calls):
             assert language.complete(ALL, purpose="plan").text == "yes"
             assert len(model.requests) == asked_before + (1 if asked_before else calls)
+
+
+def test_a_refused_seed_alone_is_left_out():
+    def answering(request: dict[str, Any]) -> Any:
+        return refused(422, "Extra inputs: seed") if "seed" in request else server()(request)
+
+    with LocalModel(answering) as model:
+        language = endpoint(model, retries=0)
+        for _ in range(2):
+            assert language.complete(Request(SYSTEM, seed=3, schema=SCHEMA), purpose="plan").text == "yes"
+    assert ["seed" in request for request in model.requests] == [True, False, False]
+    assert all("response_format" in request for request in model.requests)
 
 
 def test_a_schema_and_a_grammar_are_sent_by_request():

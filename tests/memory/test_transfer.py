@@ -58,13 +58,16 @@ def test_broken_lines_are_named_and_the_others_read(open_bank: Open, tmp_path: P
     odd += [json.dumps({**good, "effect": {"value": 1e300}}).encode(), b'{"content": "x", "quality": NaN}']
     odd += [
         json.dumps({**good, **wrong}).encode()
-        for wrong in ({"skill": "\ud800"}, {"signature": {"n": 10**400}})
+        for wrong in (
+            *({"skill": "\ud800"}, {"signature": {"n": 10**400}}),
+            *({"quality": 7}, {"confidence": -1}, {"query": ["lift", "push"]}),
+        )
     ]
     path = tmp_path / "in.jsonl"
     path.write_bytes(b"\n".join([json.dumps(good).encode(), *odd]))
     done = import_jsonl(open_bank(), path)
     assert len(done.held_back) == 1
-    assert [line.partition(":")[0] for line in done.broken] == [f"in.jsonl, line {i}" for i in range(2, 11)]
+    assert [line.partition(":")[0] for line in done.broken] == [f"in.jsonl, line {i}" for i in range(2, 14)]
     path.write_bytes(b"nonsense")
     with pytest.raises(MemoryStoreError, match="not an export"):
         import_jsonl(open_bank(), path)

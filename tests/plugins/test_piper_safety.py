@@ -6,7 +6,9 @@ import signal
 import threading
 import time
 from random import Random
+from unittest.mock import Mock
 
+import can
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from gvla2.errors import RobotError
 from gvla2.robot import executor
 from gvla2_plugins.piper import frames, session
 from gvla2_plugins.piper.arm import HOME, Bounds
+from gvla2_plugins.piper.driver import measured
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import SILENT_AFTER, SafetyStopError
 from gvla2_plugins.piper.session import ask_person, check_health, confirm
@@ -217,6 +220,22 @@ def test_a_cable_pulled_while_the_arm_rests_is_noticed(rig):
         one.go(waypoint())
     with pytest.raises(RobotError, match="is the cable out"):
         one.robot.observe()
+
+
+def test_a_bus_that_fails_is_said_and_heard_again(monkeypatch):
+    with VirtualArm("virtual", "down", joints=HOME):
+        link = PiperLink("virtual", "down", Bounds(), None)
+        link.wait_for_feedback()
+        with monkeypatch.context() as patch:
+            broken = Mock(side_effect=can.CanOperationError("Network is down"))
+            patch.setattr(link._bus, "recv", broken)
+            time.sleep(0.7)
+            with pytest.raises(RobotError, match=r"ago \(Network is down\): is the cable out"):
+                measured(link)
+            assert broken.call_count < 30
+        time.sleep(0.2)
+        assert measured(link).joints == pytest.approx(HOME, abs=1e-4)
+        link.close()
 
 
 def test_a_log_that_cannot_be_written_means_nothing_is_sent(rig, monkeypatch):

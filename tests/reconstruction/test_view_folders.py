@@ -200,6 +200,18 @@ def test_a_picture_that_lies_on_its_side_is_refused(views, tmp_path):
         read_views(folder)
 
 
+def test_a_lens_without_distortion_is_a_pinhole(views, tmp_path):
+    none = {"distortion_model": "plumb_bob", "D": [0.0] * 5, "k1": 0, "p2": None}
+    assert len(read_views(_broken(views, tmp_path, lambda d: d.update(none)))) == len(views)
+
+
+def test_depth_in_integers_is_refused(views, tmp_path):
+    write_plain(tmp_path, views)
+    np.save(tmp_path / "depth" / "0.npy", np.full(views[0].image.shape[:2], 850, np.uint16))
+    with pytest.raises(GeometryError, match=r"depth/0\.npy has integers.*metres"):
+        read_views(tmp_path)
+
+
 def test_a_mask_of_several_labels_is_refused(views, tmp_path):
     write_plain(tmp_path, views)
     labels = np.arange(views[0].image[..., 0].size).reshape(views[0].image.shape[:2]) % 3
@@ -229,6 +241,8 @@ def _broken(views, tmp_path, change):
         (lambda d: d.update(convention="directx"), "'directx' is unknown.*opencv, opengl"),
         (lambda d: d["views"][0].update(K=[[100, 0, 48], [0, 100, 48], [0, 0, 1]]), "view '0'.*96x96 pixels"),
         (lambda d: d["views"][0].update(K=[[1, 0, 0.5], [0, 1, 0.5], [0, 0, 1]]), "view '0'.*shares"),
+        (lambda d: d["views"][1].update(distortion=[0, 0.1, 0, 0, 0]), "view '1'.*distorted .distortion."),
+        (lambda d: d.update(k1=-0.3), "view '0'.*distorted .k1.*undistort"),
         (lambda d: d["views"][1].update(name="0"), "two views are called '0'"),
         (lambda d: d.update(views=[]), "lists 0 views"),
         (lambda d: d.update(views=[3]), "list 'views'"),

@@ -180,6 +180,28 @@ def test_a_data_set_that_cannot_be_written_is_refused(tmp_path: Path):
     assert not (tmp_path / "set").exists()
 
 
+def test_pictures_side_by_side_are_cropped_to_what_encoders_take(tmp_path: Path):
+    write_dataset(tmp_path / "set", [demonstration(tmp_path / "a", side=33)])
+    info = json.loads((tmp_path / "set/meta/info.json").read_text())
+    films = sorted((tmp_path / "set/videos").rglob("*.mp4"))
+    assert [info["features"][name]["shape"] for name in (VIDEO, WRIST)] == [[32, 32, 3]] * 2
+    assert [next(imageio_ffmpeg.read_frames(str(film)))["size"] for film in films] == [(32, 32)] * 2
+
+
+def test_one_export_writes_a_data_set_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    one, target, write = demonstration(tmp_path / "a"), tmp_path / "set", VideoFile.write
+
+    def meanwhile(film: VideoFile, places: object, fps: float) -> None:
+        with pytest.raises(Gvla2Error, match="Another export writes"):
+            write_dataset(target, [one])
+        write(film, places, fps)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(VideoFile, "write", meanwhile)
+    write_dataset(target, [one])
+    assert len(list(target.rglob("*.mp4"))) == 2
+    assert not list(tmp_path.glob(".*"))
+
+
 def test_the_command_takes_successes_below_any_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     runs = tmp_path / "runs"
     failed = {
@@ -218,8 +240,17 @@ def test_the_command_takes_successes_below_any_folder(tmp_path: Path, capsys: py
 
 def test_what_cannot_be_read_is_left_out_by_name_and_no_episode_is_written_twice(tmp_path, capsys):
     runs = tmp_path / "runs"
-    for name in ("good", "cut", "film", "foreign", "lacking", ".trash"):
-        result(keep(runs / name))
+    changes = {
+        "gap": {"joints": np.full((FRAMES, 3), np.nan)},
+        "rate": {"fps": 0.0},
+        "short": {"command": [[0.0]]},
+    }
+    for name in ("good", "cut", "film", "foreign", "lacking", ".trash", *changes):
+        result(keep(runs / name), instruction="lift \udcff")
+    for name, change in changes.items():
+        with np.load(runs / name / STATES) as kept:
+            np.savez(runs / name / STATES, **{**kept, **change})
+    result(keep(runs / "seed"), seed=2**70)
     (runs / "cut" / STATES).write_bytes((runs / "cut" / STATES).read_bytes()[:300])
     (runs / "film" / FILM).write_bytes(b"no film")
     (runs / "foreign" / "result.json").write_bytes(b"\xff\xfe{")
@@ -227,5 +258,6 @@ def test_what_cannot_be_read_is_left_out_by_name_and_no_episode_is_written_twice
     assert cli.main(["export", "lerobot", str(runs), str(runs / "good"), f"to={tmp_path / 'set'}"]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("1 episode, 7 frames")
-    assert "4 unreadable" in printed
-    assert all(str(runs / name) in printed for name in ("cut", "film", "foreign", "lacking"))
+    assert "7 unreadable" in printed
+    assert "1 with a seed of more than 64 bits" in printed
+    assert all(str(runs / name) in printed for name in ("cut", "film", "foreign", "gap", "lacking"))

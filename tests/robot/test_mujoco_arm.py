@@ -1,10 +1,11 @@
-"""An arm read off a compiled MuJoCo model."""
+"""An arm and cameras read off a compiled MuJoCo model."""
 
 import numpy as np
 import pytest
 
 from gvla2.errors import RobotError
 from gvla2.robot.mujoco.arm import ArmNames, arm_from_mjcf
+from gvla2.robot.mujoco.world import ModelEyes
 from gvla2.robot.options import ArmConfig
 from gvla2_plugins.mujoco import MjcfConfig
 from gvla2_plugins.mujoco.worlds import MjcfWorld
@@ -47,6 +48,30 @@ SERVOS = """<actuator><position joint="j1" kp="99"/><position joint="j2" kp="99"
 <position name="g1" joint="f1" kp="99" ctrlrange="0 .04"/><position name="g2" joint="f2" kp="99" ctrlrange="0 .04"/>
 </actuator></mujoco>"""
 NAMES = ArmNames("base", "hand", ("j1", "j2"), ("f1", "f2"))
+
+
+@pytest.mark.parametrize(
+    ("lens", "fx", "fy", "cx", "cy_off"),
+    [
+        ('fovy="90"', 100, 100, 100, 0),
+        ('focal="0.002 0.002" resolution="1280 720" sensorsize="0.004 0.002"', 100, 200, 100, 0),
+        # MuJoCo 3.6 turned the sign of the principal point's y.
+        (
+            'focalpixel="150 150" resolution="200 200" sensorsize="2e-3 2e-3" principalpixel="20 10"',
+            150,
+            150,
+            80,
+            10,
+        ),
+    ],
+)
+def test_a_cameras_lens_is_the_one_that_draws(lens, fx, fy, cx, cy_off):
+    camera = f'<mujoco><worldbody><camera name="c" pos="0 0 1" {lens}/></worldbody></mujoco>'
+    model = mujoco.MjModel.from_xml_string(camera)
+    mujoco.mj_forward(model, data := mujoco.MjData(model))
+    K = ModelEyes(model, data, ["c"], [0]).camera("c", 200).K
+    assert [K[0, 0], K[1, 1], K[0, 2]] == pytest.approx([fx, fy, cx], rel=1e-4)
+    assert abs(K[1, 2] - 100) == pytest.approx(cy_off, abs=1e-2)
 
 
 HOME = ArmConfig(home=[0.1, 0.2], table_height=-1.0)

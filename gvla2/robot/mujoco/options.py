@@ -14,7 +14,8 @@ class MujocoConfig(SimulationConfig):
 
     ``cameras`` are the model's, with square images of ``image_size`` pixels; where ``picture_size`` is larger, their
     colours can also be read with that many, as text on packages is. The film, if one is asked for, is taken by
-    ``video_cameras`` (the first of ``cameras`` where none is named), side by side, each with ``video_size`` pixels.
+    ``video_cameras`` (the first of ``cameras`` where none is named), side by side, each with ``video_size`` pixels,
+    rounded up to an even number.
     ``joint_speed`` bounds the arm's joints, rad/s. ``stiffness`` is the gain of the joint controller (1/s²).
     """
 

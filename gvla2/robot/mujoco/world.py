@@ -6,6 +6,7 @@ import atexit
 import logging
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -81,13 +82,25 @@ class ModelEyes:
         self._option.sitegroup[:] = 0
         self._shown = mujoco.MjData(model)  # of earlier moments
         self._renderers: dict[int, Any] = {}  # by the side of their pictures
+        self._frusta = mujoco.MjvScene(model, 1)  # holds cameras' lenses
 
     def camera(self, name: str, size: int) -> Camera:
-        """The camera as it is now, with square images of ``size`` pixels."""
-        index = self.model.camera(name).id
+        """The camera as it is now, with square images of ``size`` pixels; its lens as MuJoCo draws by it, which a
+        sensor in the model decides where there is one. Raises :class:`ConfigurationError` for a parallel projection.
+        """
+        mujoco, index = self._mujoco, self.model.camera(name).id
         pose = rigid(self.data.cam_xmat[index].reshape(3, 3), self.data.cam_xpos[index])
-        fov = float(np.deg2rad(self.model.cam_fovy[index]))
-        return Camera.from_opengl(fov, pose, size, size, name)
+        chosen = mujoco.MjvCamera()
+        chosen.type, chosen.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, index
+        mujoco.mjv_updateCamera(self.model, self.data, chosen, self._frusta)
+        lens = self._frusta.camera[0]
+        if lens.orthographic:
+            raise ConfigurationError(f"The camera '{name}' is orthographic; choose one with a perspective.")
+        height = lens.frustum_top - lens.frustum_bottom
+        width = 2.0 * lens.frustum_width or height
+        K = np.diag([size * lens.frustum_near / width, size * lens.frustum_near / height, 1.0])
+        K[:2, 2] = size * (0.5 - lens.frustum_center / width), size * lens.frustum_top / height
+        return replace(Camera.from_opengl(1.0, pose, size, size, name), K=K)
 
     def view(self, name: str, size: int) -> View:
         """The picture with depth, metres, NaN beyond 5 m; the robot is not marked."""
@@ -213,7 +226,7 @@ class ModelWorld(Simulation):
 
     def draw_later(self) -> Callable[[], NDArray[np.uint8]]:
         """A function that draws a frame of the film as the world is now."""
-        return self.eyes.draw_later(self._filming, self._config.video_size)
+        return self.eyes.draw_later(self._filming, -(-self._config.video_size // 2) * 2)
 
     def true_scene(self) -> Scene:
         """The model's bodies as scene objects."""
