@@ -25,7 +25,6 @@ from gvla2.memory.admission import (
     new_record,
     restarted,
     standing,
-    warns,
     weigh,
 )
 from gvla2.memory.contracts import (
@@ -346,7 +345,9 @@ def _activate(
 
 
 def govern(ledger: LessonLedger) -> None:
-    """Archive stale failures, all but a few programs for the same purpose, and records beyond the budgets."""
+    """Archive stale failures, all but a few programs for the same purpose, and records beyond the budgets: first those
+    that never helped, and of these the ones that were longest neither learned, confirmed nor recalled with success.
+    """
     options, programs = ledger.options, defaultdict[str, list[Record]](list)
     for record in ledger.index.records("active"):
         old = ledger.now - max(record.updated, record.used) >= options.retire_days * SECONDS_PER_DAY
@@ -360,18 +361,7 @@ def govern(ledger: LessonLedger) -> None:
             ledger.archive(record, "ARCHIVE", f"{PROGRAMS} others have more evidence")
     for state, budget in (("active", options.active_budget), ("provisional", options.provisional_budget)):
         if (surplus := len(held := ledger.index.records(state)) - budget) > 0:
-            ranked = sorted(held, key=lambda record: (retention(record, ledger.now), record.id))
-            for record in ranked[:surplus]:
+            # Segmented LRU. The released score keeps what is confident instead: a full bank then learns nothing new.
+            held.sort(key=lambda one: (one.usage > 0, max(one.updated, one.used), one.confidence, one.id))
+            for record in held[:surplus]:
                 ledger.archive(record, "ARCHIVE", f"beyond the budget of {budget} records")
-
-
-def retention(record: Record, now: float) -> float:
-    """How much a record deserves to stay, by the released terms: R + kappa, +.5 for a verified lesson and -.3
-    otherwise, .1 per credited use up to .5, and up to .25 for recency (lost over 90 days).
-
-    R is recovered from kappa = 2|R - .5|: R + kappa = .5 + 1.5 kappa.
-    """
-    days = max(now - max(record.updated, record.used), 0.0) / SECONDS_PER_DAY
-    verified = 0.5 if record.outcome == "verified_success" or warns(record) else -0.3
-    recency = max(0.0, 0.25 - days / 90.0)
-    return 0.5 + 1.5 * record.confidence + verified + min(0.1 * record.usage, 0.5) + recency

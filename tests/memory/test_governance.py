@@ -4,11 +4,8 @@ import random
 from collections.abc import Callable
 from typing import Any
 
-import pytest
-
 from gvla2.memory.contracts import Lesson, MemoryTask
-from gvla2.memory.learning import PROGRAMS, JudgedEpisode, admit, retention
-from gvla2.memory.records import Record
+from gvla2.memory.learning import PROGRAMS, JudgedEpisode, admit
 from tests.memory.corpus import lessons as records
 from tests.memory.looking import look
 
@@ -20,21 +17,18 @@ def many_lessons(count: int, seed: int = 0) -> list[tuple[Lesson, str]]:
     return [(Lesson("procedural_hint", one.content), one.query) for one in records(count, seed)]
 
 
-def test_retention_is_the_sum_of_the_released_terms() -> None:
-    scores = [
-        retention(
-            Record(
-                id="r", bank="b", query="q", content="c", type="procedural_hint", state="active",
-                outcome="verified_success" if verified else "uncertain", confidence=confidence, quality=0.9,
-                dedup_key="k", created=0.0, updated=0.0, usage=usage,
-            ),
-            days * 86400.0,
-        )
-        for confidence, usage, verified, days in (
-            (0.8, 0, True, 90), (0.8, 3, True, 90), (0.8, 50, True, 0), (0.0, 0, False, 90), (0.8, 0, True, 9),
-        )
-    ]  # fmt: skip
-    assert scores == pytest.approx([2.2, 2.5, 2.95, 0.2, 2.35])
+def test_beyond_the_budget_what_never_helped_goes_first_and_the_oldest_of_it(
+    open_bank: Open, episode: Open, verdicts: Any, clock: Any
+) -> None:
+    bank = open_bank(active_budget=4)
+    recalled = None
+    for part in ("lid", "hinge", "button", "handle", "drawer", "cap"):
+        clock.now += 60
+        avoid = Lesson("failure_avoidance", f"Moving the {part}: failed because it was loose.")
+        bank.learn(episode(f"Move the {part}", avoid, skill="", recalled=recalled), verdicts["success"])
+        recalled = bank.recall(MemoryTask("Move the lid")) if part == "lid" else None
+    kept = [record.content.split()[2].rstrip(":") for record in bank.records(["active"])]
+    assert sorted(kept) == ["cap", "drawer", "handle", "lid"]
 
 
 def test_stale_failures_that_nobody_used_retire(
