@@ -135,19 +135,24 @@ def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, mo
     assert not lessons_in(shown["lamp_on"])
 
 
+def _verifier(config) -> str:
+    withheld = getattr(config.verifier, "withheld", 0.0)
+    return config.verifier.name + (f", {withheld} withheld" if withheld else "")
+
+
 def test_a_stress_changes_what_the_arms_have_lived_or_heard(registry, tmp_path, units, monkeypatch):
     monkeypatch.setattr(robot_stress, "CROWD", 60)
     monkeypatch.setattr(robot_stress, "BUDGET", 20)
     given = ["world=learnable", "seeds=[4]", "tasks=[lamp_on]", "arms=['off','on','semantic']", "episodes=1"]
-    stresses = "stresses=[none,verifier,drift,import,crowd,twins,all]"
+    stresses = "stresses=[none,verifier,drift,import,crowd,twins,unjudged,all]"
     config = config_of(registry, tmp_path, *given, "exploration_seeds=[0,1]", "embedder=static", stresses)
     assert run_bench(config, registry, tmp_path / "out") == 1
     explored = [u for u in units if u.arm.name == "exploration"]
     lived = {
-        (u.config.verifier.name, u.task.get("drifted", False), u.task.get("twins", False), u.layout)
+        (_verifier(u.config), u.task.get("drifted", False), u.task.get("twins", False), u.layout)
         for u in explored
     }
-    ways = [("geometric", False), ("flaky", False), ("geometric", True)]
+    ways = [("geometric", False), ("flaky", False), ("flaky, 0.5 withheld", False), ("geometric", True)]
     steady = {(verifier, False, alike, layout) for verifier, alike in ways for layout in (0, 1)}
     drifting = {("geometric", True, False, 1), ("flaky", False, True, 0), ("flaky", True, True, 1)}
     assert lived == steady | drifting
@@ -158,7 +163,7 @@ def test_a_stress_changes_what_the_arms_have_lived_or_heard(registry, tmp_path, 
             with KnowledgeBank(f"sqlite:///{unit.lessons.bank}", bank=BANKS[unit.arm.name]) as bank:
                 states = Counter(record.state for record in bank.records())
                 known[unit.factors["stress"], unit.arm.name] = states
-    assert len(rows_of(tmp_path / "out")) == 7 * 3 * 2, "stresses x arms x families"
+    assert len(rows_of(tmp_path / "out")) == 8 * 3 * 2, "stresses x arms x families"
     own = known["none", "on"]["active"]
     assert known["import", "on"] == {"active": own, "provisional": 30}
     assert known["import", "semantic"]["active"] == known["none", "semantic"]["active"] + 30

@@ -17,8 +17,8 @@ LEARNABLE = "learnable"
 """The ``world`` in which objects behave in ways that memory can learn."""
 
 
-STRESSES = ("verifier", "drift", "import", "crowd", "twins")
-"""What makes a world hard for a memory (:mod:`gvla2.evaluation.suites.robot_stress`)."""
+STRESSES = ("verifier", "drift", "import", "crowd", "twins", "unjudged")
+"""What makes a world hard for a memory (:mod:`gvla2.evaluation.suites.robot_stress`); "all" are the first five."""
 
 
 def _require(*conditions: tuple[bool, str]) -> None:

@@ -15,23 +15,24 @@ if TYPE_CHECKING:
 
 @dataclass
 class FlakyConfig(ComponentConfig):
-    """Options of the ``flaky`` verifier: a share ``rate`` of the sure verdicts of the verifier ``inner``, with its
-    ``options``, says the opposite. ``seed`` decides which.
+    """Options of the ``flaky`` verifier: of the sure verdicts of the verifier ``inner``, with its ``options``, a share
+    ``rate`` says the opposite, and a share ``withheld`` says nothing. ``seed`` decides which.
     """
 
     inner: str = "geometric"
     options: dict[str, Any] = field(default_factory=dict)
     rate: float = 0.2
+    withheld: float = 0.0
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_ranges(self, "verifier", {"rate": (0, 1, "")})
+        check_ranges(self, "verifier", dict.fromkeys(("rate", "withheld"), (0, 1, "")))
 
 
 class FlakyVerifier:
-    """Turns some verdicts of another verifier into the opposite, as sure as they were.
+    """Turns some verdicts of another verifier into the opposite, as sure as they were, and withholds others.
 
-    What is judged decides whether it is wrong, so that it says the same of the same episode again.
+    What is judged decides which, so that it says the same of the same episode again.
     """
 
     def __init__(self, inner: Verifier, config: FlakyConfig) -> None:
@@ -42,7 +43,11 @@ class FlakyVerifier:
         verdict = self._inner.verify(evidence)
         judged = f"{self._config.seed}\n{evidence.instruction}\n{evidence.transcript}"
         draw = int.from_bytes(hashlib.blake2b(judged.encode(), digest_size=6).digest()) / 2**48
-        if draw >= self._config.rate or verdict.outcome not in ("verified_success", "verified_fail"):
+        if verdict.outcome not in ("verified_success", "verified_fail"):
+            return verdict
+        if draw >= 1.0 - self._config.withheld:
+            return verdict.unavailable("The verdict is withheld.", verdict.verifier)
+        if draw >= self._config.rate:
             return verdict
         return replace(
             verdict,
@@ -54,7 +59,7 @@ class FlakyVerifier:
 
 
 def _build(config: FlakyConfig) -> Verifier:
-    """Another verifier (``verifier.inner``) that is wrong in a share of its verdicts: a stress for memories."""
+    """Another verifier (``verifier.inner``), wrong or silent in a share of its verdicts: a stress for memories."""
     from gvla2.plugins.registry import load_plugins
 
     chosen = {"verifier": {**config.options, "name": config.inner}}

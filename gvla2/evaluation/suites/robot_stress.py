@@ -26,8 +26,8 @@ from gvla2.plugins.registry import Registry
 from gvla2.robot.task import HasHearsay
 from gvla2.skills.table import STANDARD
 
-WRONG = 0.2
-"""The share of the verifier's sure verdicts that are wrong."""
+WRONG, WITHHELD = 0.2, 0.5
+"""The share of the verifier's sure verdicts that are wrong, and that nobody hears."""
 HEARD, CLAIMED = 30, 10
 """Number of imported lessons, every second one wrong, and how many successes the first claims; each claims one more."""
 CROWD, BUDGET = 2000, 50
@@ -41,16 +41,18 @@ SOURCE = "a colleague's notes"
 def stresses_of(config: RobotBench) -> frozenset[str]:
     """The stresses of a design, whose configuration has at most one name: "none", "all", or some joined by "+"."""
     names = {one for stress in config.stresses for one in stress.split("+")}
-    return frozenset(STRESSES if "all" in names else names & {*STRESSES})
+    return frozenset(STRESSES[:5] if "all" in names else names & {*STRESSES})
 
 
 def lived(config: RobotBench, registry: Registry) -> RobotBench:
-    """The configuration of exploration, and of the banks: with the wrong verifier, if that is a stress."""
-    if "verifier" not in stresses_of(config):
+    """The configuration of exploration, and of the banks: with the verifier that the stresses make."""
+    stresses = stresses_of(config)
+    shares = {"rate": WRONG * ("verifier" in stresses), "withheld": WITHHELD * ("unjudged" in stresses)}
+    if not any(shares.values()):
         return replace(config, stresses=[])
     inner: ComponentConfig = config.verifier
     options = {name: value for name, value in asdict(inner).items() if name != "name"}
-    flaky = {"name": "flaky", "inner": inner.name, "options": options, "rate": WRONG}
+    flaky = {"name": "flaky", "inner": inner.name, "options": options, **shares}
     verifier, _ = registry.configure({"verifier": flaky}, "verifier")
     return replace(config, stresses=[], verifier=verifier)
 
