@@ -29,7 +29,7 @@ from PIL import Image
 
 from gvla2.errors import GeometryError, MissingDependencyError, reading
 from gvla2.geometry.mesh import GREY, TexturedMesh, TriangleMesh
-from gvla2.geometry.polygons import ears, without_polygons
+from gvla2.geometry.polygons import triangles_of, without_polygons
 from gvla2.geometry.transform import FloatArray
 from gvla2.io.files import write_whole
 
@@ -267,9 +267,8 @@ def _read_off(text: str) -> trimesh.Trimesh:
     ):
         raise GeometryError("a face has fewer than three corners, or fewer than it says.")
     points = np.array([row[:3] for row in vertices], np.float64)
-    fans = [
-        [polygon[k] for k in ear] for polygon in corners for ear in ears(points[np.array(polygon, np.int64)])
-    ]
+    cut = [(polygon, triangles_of(points[np.array(polygon, np.int64)])) for polygon in corners]
+    fans = [[polygon[k] for k in triangle] for polygon, triangles in cut for triangle in triangles]
     own = [row[1 + int(row[0]) :] for row in polygons for _ in range(int(row[0]) - 2)]
     begin = 6 if header[2] else 3
     painted = [row[begin:] for row in vertices] if header[1] else []

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 
 import numpy as np
+from mapbox_earcut import triangulate_float64
 
-from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
 
 
@@ -24,19 +24,13 @@ def without_polygons(text: str) -> str:
         at = [number - 1 if number > 0 else before + number for number in named]
         if max(at) >= len(points):
             return face[0]  # trimesh says so
-        return "".join(f"\nf {' '.join(words[k] for k in ear)}" for ear in ears(points[at]))
+        return "".join(f"\nf {' '.join(words[k] for k in triangle)}" for triangle in triangles_of(points[at]))
 
     return re.sub(polygon, cut, text)
 
 
-MOST_CORNERS = 500
-"""Of a face whose ears are cut off: the time grows with their square."""
-
-
-def ears(corners: FloatArray) -> list[tuple[int, ...]]:
-    """The triangles of a polygon with ``corners`` (N, 3), by their numbers: a fan where it is convex, or crosses
-    itself; else its ears, which are cut off one after another. Raises :class:`GeometryError` for too many.
-    """
+def triangles_of(corners: FloatArray) -> list[tuple[int, ...]]:
+    """The triangles of a polygon with ``corners`` (N, 3), by their numbers: a fan where it is convex, or crosses itself."""
     if (count := len(corners)) == 3:
         return [(0, 1, 2)]
     corners = corners - corners[0]
@@ -45,20 +39,9 @@ def ears(corners: FloatArray) -> list[tuple[int, ...]]:
     turns = np.cross(corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners) @ up
     if (turns >= -1e-9 * (up @ up)).all():
         return fan
-    if count > MOST_CORNERS:
-        raise GeometryError(f"a face has {count} corners and is not convex; export triangles.")
-    left, cut = list(range(count)), list[tuple[int, ...]]()
-    while len(left) > 3:
-        for place, tip in enumerate(left):
-            ear = (left[place - 1], tip, left[(place + 1) % len(left)])
-            ends = corners[list(ear)]
-            ways = np.roll(ends, -1, axis=0) - ends
-            others = corners[[k for k in left if not (corners[k] == ends).all(axis=1).any()]]
-            inside = (np.cross(ways, others[:, None] - ends) @ up >= 0).all(axis=1)
-            if np.cross(ways[0], ways[1]) @ up > 0 and not inside.any():
-                break
-        else:
-            return fan
-        cut.append(ear)
-        left.remove(tip)
-    return [*cut, tuple(left)]
+    seen = np.delete(corners, np.abs(up).argmax(), axis=1)  # along an axis
+    found = triangulate_float64(np.ascontiguousarray(seen), np.array([count], np.uint32)).reshape(-1, 3)
+    a, b, c = (corners[found[:, k]] for k in range(3))
+    turned = np.cross(b - a, c - a) @ up < 0
+    found[turned] = found[turned][:, ::-1]
+    return [tuple(one) for one in found.tolist()] if len(found) == count - 2 else fan

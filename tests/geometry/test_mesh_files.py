@@ -452,7 +452,6 @@ POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsiz
         ("m.glb", with_change(lambda t: t["nodes"][-1].update(skin=0)), "skins"),
         ("m.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl")[:-20], "do not hold 12 triangles"),
         ("m.stl", POINTER * 2, "Git LFS pointer.*git lfs pull"),
-        ("m.off", jagged(502), "502 corners and is not convex"),
         ("m.obj", POINTER, "Git LFS pointer.*git lfs pull"),
     ],
 )
