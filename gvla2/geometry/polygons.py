@@ -30,7 +30,9 @@ def without_polygons(text: str) -> str:
 
 
 def triangles_of(corners: FloatArray) -> list[tuple[int, ...]]:
-    """The triangles of a polygon with ``corners`` (N, 3), by their numbers: a fan where it is convex, or crosses itself."""
+    """The triangles of a polygon with ``corners`` (N, 3), by their numbers: a fan where it is convex, or
+    crosses itself.
+    """
     if (count := len(corners)) == 3:
         return [(0, 1, 2)]
     corners = corners - corners[0]

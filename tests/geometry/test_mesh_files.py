@@ -428,6 +428,13 @@ def jagged(count: int) -> bytes:
     return "\n".join([f"OFF {count} 1 0", *rows, f"{count} {' '.join(map(str, range(count)))}"]).encode()
 
 
+def test_a_face_of_many_corners_in_and_out_has_its_own_area(tmp_path: Path) -> None:
+    (tmp_path / "star.off").write_bytes(jagged(502))
+    mesh = read_mesh(tmp_path / "star.off")
+    area = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).area
+    assert area == pytest.approx(502 * np.sin(2 * np.pi / 502))
+
+
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsize 12345\n"
 
 
