@@ -310,10 +310,17 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
         return ". ".join([describe(error).rstrip("."), *getattr(error, "__notes__", ())])
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
     if not isinstance(cause, OmegaConfBaseException):
-        return " ".join(str(error).split())
+        said, appended, preset = " ".join(str(error).split()).partition(
+            "To append to your default list use +"
+        )
+        if appended and not preset.startswith("experiment="):  # which would not help
+            return f"{said}This command has no such choice; --help lists what there is (of a bench: tasks=[NAME])."
+        return said + appended + preset
     lines = [str(each).splitlines()[0].rstrip(".") for each in dict.fromkeys((error, cause))]
     known = cause.parent_node if isinstance(cause, ConfigKeyError | ConfigAttributeError) else None
     hint = did_you_mean(str(cause.key), map(str, known)) if isinstance(known, DictConfig) else ""
+    if "is not a ListConfig" in str(cause) and (given := re.search(r"override (\S+)=(.*)", lines[0])):
+        return f"{given[1]} is a list: {given[1]}=[{given[2]}]."
     return f"{'. '.join(lines)}.{hint}"
 
 
