@@ -12,7 +12,7 @@ from collections.abc import Sequence
 COMMANDS = {
     "run": "run one episode, or many: observe, plan, execute, verify, learn",
     "reconstruct": "refine an object's geometry from a folder of calibrated views",
-    "bench": "measure a suite on a data set: ablation rows, baselines, drift, seeds",
+    "bench": "measure reconstruction, the robot with and without memory, or agents; makes tables",
     "report": "make tables of measured results: terminal, Markdown, LaTeX, HTML",
     "memory": "search and list a memory bank, verify it, import, export, forget",
     "export": "write runs as a data set for training: LeRobot",

@@ -50,9 +50,16 @@ class ConformanceError(Gvla2Error, AssertionError):
 
 @contextmanager
 def kept_alive() -> Iterator[None]:
-    """Raise RuntimeError instead of what would end the process (a plugin's ``sys.exit``), except Ctrl-C and SIGTERM."""
+    """Raise RuntimeError instead of what would end the process (a plugin's ``sys.exit``), except Ctrl-C and SIGTERM.
+
+    These are raised also where they came within compiled code, which makes a SystemError of them.
+    """
     try:
         yield
+    except SystemError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            raise error.__cause__ from None
+        raise
     except (Exception, KeyboardInterrupt, GeneratorExit):
         raise
     except BaseException as error:

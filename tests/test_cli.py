@@ -9,6 +9,7 @@ import pytest
 
 from gvla2 import __version__, cli
 from gvla2.commands import doctor
+from gvla2.errors import kept_alive
 from gvla2.plugins.kinds import KINDS
 
 HEAVY = {"numpy", "scipy", "torch", "sapien", "ompl", "numba", "pinocchio"}
@@ -34,6 +35,38 @@ def test_an_unknown_command_names_its_neighbour_and_an_interrupt_has_its_status(
     monkeypatch.setattr(doctor, "main", interrupted)
     assert cli.main(["doctor"]) == 130
     assert "interrupted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("argv", "status", "message"),
+    [
+        ("run pick_and_lift", 1, "'pick_and_lift' missing EQUAL at '<EOF>'. Options are KEY=VALUE"),
+        ("run -i lift the cube", 1, "a sentence needs quotes"),
+        ("run --task push_block", 2, "an option has no dashes: task=push_block"),
+        ("reconstruct --views=here", 2, "an option has no dashes: views=here"),
+        ("bench robot tasks=lamp_on", 1, "gvla2: tasks is a list: tasks=[lamp_on].\n"),
+        ("run robot.cameras=front", 1, "robot.cameras is a list: robot.cameras=[front]."),
+        ("bench robot task=lamp_on", 1, "This command has no such choice"),
+        ("run experiment=learnable", 1, "To append to your default list use +experiment=learnable"),
+        ("run policy=nowhere", 1, "There is no folder of a checkpoint of that name either."),
+        ("tasks robot=sapien", 1, "No robot named 'sapien'. Did you mean 'sapien_arm'?"),
+        ("tasks robot.nothing=1", 1, "Key 'nothing' not in"),
+        ("run planner.parameters={standof:1}", 1, "no parameter 'standof'. Did you mean 'standoff'?"),
+        ("run fallback=skill fallback.parameters={standoff:9}", 1, "fallback.parameters: standoff is 9 m"),
+    ],
+)
+def test_what_is_mistyped_is_named_with_the_right_way(tmp_path, monkeypatch, capsys, argv, status, message):
+    monkeypatch.chdir(tmp_path)
+    words = argv.split()
+    assert cli.main(words) == status
+    assert message in capsys.readouterr().err
+
+
+def test_ctrl_c_within_compiled_code_is_ctrl_c():
+    with pytest.raises(KeyboardInterrupt), kept_alive():
+        raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+    with pytest.raises(SystemError), kept_alive():
+        raise SystemError("bad call")
 
 
 def test_light_commands_load_nothing_heavy():
@@ -92,6 +125,10 @@ def test_plugins_lists_every_component(registry, capsys: pytest.CaptureFixture[s
 def test_plugins_of_a_kind_have_their_options(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["plugins", "task", "push_block"]) == 0
     assert "task.scale float 1.0" in " ".join(capsys.readouterr().out.split())
+    assert cli.main(["plugins", "planner", "skill"]) == 0
+    out = capsys.readouterr().out
+    assert "``lift_height`` is how far an object is lifted" in out, "options of a base class are explained"
+    assert "those of SkillOptions." in out
 
 
 @pytest.mark.parametrize(

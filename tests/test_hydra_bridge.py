@@ -16,8 +16,8 @@ from hypothesis import assume, given, settings
 from omegaconf import OmegaConf
 
 from gvla2 import cli
+from gvla2.commands.hydra_job import at_home, quoted_instruction, report, schemas
 from gvla2.commands.hydra_job import composed as run_config
-from gvla2.commands.hydra_job import quoted_instruction, report, schemas
 from gvla2.errors import ConfigurationError
 from gvla2.plugins.hydra_config import LONGEST_FOLDER_NAME, ComponentSource, register, short_name
 from gvla2.plugins.registry import Registry, load_plugins
@@ -155,6 +155,13 @@ def test_a_sentence_reaches_the_planner_as_it_was_typed(words: list[str] | str, 
 )
 def test_a_sentence_is_composed_as_it_was_typed(text: str):
     assert run_config("run", quoted_instruction(["-i", text]))[0].instruction == text
+
+
+def test_a_tilde_is_the_users_home(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("HOME", "/home/me")
+    assert [at_home(word) for word in ("views=~/a b", "~views", "views=a~/b")] == [
+        "views=/home/me/a b", "~views", "views=a~/b",
+    ]  # fmt: skip
 
 
 def test_a_sweep_over_sentences_stays_one():

@@ -19,6 +19,7 @@ from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 
 GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")
 BAD = Verdict.from_criteria({"done": 0.0}, ["it slipped"], "test")
+RISE = {"kind": "prior", "parameter": "lift_height", "value": 0.3, "sd": 0.0, "count": 1}
 LINE = {
     "id": "t",
     "query": "lift",
@@ -109,6 +110,15 @@ def test_search_shows_every_term(run: Run):
     assert {"r_text", "confidence", "success", "recency", "usage", "conflict", "stale"} <= set(best["terms"])
     assert sum(best["terms"].values()) == pytest.approx(best["score"])
     assert "recalled" in run("search", "lift", "the", "cup")[1]
+
+
+def test_a_lesson_is_shown_with_its_number_and_what_is_passed_over_with_why(run: Run, path: Path):
+    learned = Lesson("procedural_hint", "Lift the cup: this lift height succeeded.", RISE)
+    with KnowledgeBank(f"sqlite:///{path}") as bank:
+        bank.admit("Lift the cup by its handle.", source="a colleague")
+        bank.learn(MemoryEpisode(MemoryTask("lift the cup"), (learned,), "", source="run/9"), GOOD)
+    assert "succeeded. (lift_height 0.3, sd 0, once)" in " ".join(run("list")[1].split())
+    assert "Passed over: provisional" in run("search", "lift", "the", "cup")[1]
 
 
 def test_verify_is_one_when_somebody_has_tampered(run: Run, path: Path):

@@ -173,7 +173,12 @@ def test_an_unknown_name_names_neighbours_and_broken_plugins(install: Install):
         load_plugins().get("planner", "skil")
     text = str(caught.value)
     assert text.startswith("No planner named 'skil'. Did you mean 'skill'? Available: ")
-    assert "Broken plugins that might have offered it: fake" in text
+    assert "Broken plugins that might have offered it: fake, could not be loaded: ZeroDivisionError" in text
+    install(HOOK.format("gvla2_planner", "", "return []"))
+    with pytest.raises(
+        UnknownComponentError, match=r"fake, gvla2_planner is no hook of gvla2\. Did you mean"
+    ):
+        load_plugins().get("planner", "mine")
     with pytest.raises(ConfigurationError, match=r"No kind .* 'planer'. Did you mean 'planner'\?"):
         kind_of("planer")
 

@@ -9,6 +9,7 @@ import pytest
 import gvla2
 from gvla2.commands.hydra_job import as_overrides, composed
 from gvla2.record.origin import Origin, changed_options
+from gvla2.record.wording import summary_line
 
 
 def test_an_episode_from_python_gives_its_record_and_its_folder(tmp_path: Path):
@@ -31,12 +32,29 @@ def test_an_episode_from_python_gives_its_record_and_its_folder(tmp_path: Path):
         ({"task": "push_blok"}, "Did you mean 'push_block'?"),
         ({"planner.trys": 3}, "Did you mean 'tries'?"),
         ({"episodes": 2}, "runs one episode"),
+        ({"planner": None}, "No planner named 'none'"),
     ],
 )
 def test_wrong_options_are_errors_of_ours(options: dict[str, object], message: str):
     with pytest.raises(gvla2.Gvla2Error) as error:
         gvla2.run(**options)
     assert message in str(error.value)
+
+
+@pytest.mark.parametrize("word", ["push_block", "task=push_block"])
+def test_a_task_in_place_of_the_folder_is_refused(word: str):
+    with pytest.raises(gvla2.Gvla2Error, match=f"a folder for its files, not '{word}'"):
+        gvla2.run(word)
+
+
+def test_the_tasks_own_goal_is_checked_whatever_the_sentence_asks():
+    options = {"perceiver": "oracle", "memory": None, "robot.image_size": 64}
+    record = gvla2.run(task="put_block", instruction="push the block 3 cm to the left", **options)
+    assert record.choices["memory"] == "none"
+    assert record.failure.message.endswith("not what a sentence of your own asks.")
+    assert "success check: relaxed no, strict no" in summary_line(record)
+    assert "instruction='push the block 3 cm to the left'" in repr(record)
+    assert len(repr(record)) < 1000
 
 
 def test_every_changed_option_is_named_and_of_a_preset_people_see_its_name():

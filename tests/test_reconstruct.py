@@ -171,11 +171,14 @@ def test_a_gso_trees_first_views_are_the_input(tmp_path: Path, registry: Registr
     assert record.measures.held_out == ("010", "011")
 
 
-def test_a_real_scan(tmp_path: Path):
+def test_a_real_scan(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     words = [f"views={ELEPHANT}", "quiet=true", "targets=10-14", f"hydra.run.dir={tmp_path}"]
     assert (
         cli.main(["reconstruct", *words, "reconstructor.resolution=64", "reconstructor.gaussians=6000"]) == 0
     )
+    result, page = capsys.readouterr().err.splitlines()
+    assert "symmetric IoU" in result, "quiet=true prints the result, as `gvla2 run` does"
+    assert page == f"-> {tmp_path / 'index.html'}"
     reported = json.loads((tmp_path / "result.json").read_text())
     assert reported["metrics"]["inputs"]["after"]["symmetric_iou"] > 0.95
     assert len(reported["metrics"]["held_out_views"]) == 5

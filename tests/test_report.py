@@ -50,6 +50,8 @@ def test_all_formats(url, tmp_path, capsys):
 def test_what_is_not_there(url, tmp_path):
     with pytest.raises(ConfigurationError, match=r"object: apple, bowl"):
         made(ReportConfig(results=ResultsConfig(url), where={"object": ["pear"]}), tmp_path)
+    with pytest.raises(ConfigurationError, match=r"objekt: no such factor; there are .*object"):
+        made(ReportConfig(results=ResultsConfig(url), where={"objekt": ["pear"]}), tmp_path)
     with pytest.raises(ConfigurationError, match="There is no results database"):
         made(ReportConfig(results=ResultsConfig(f"sqlite:///{tmp_path}/none.sqlite")), tmp_path)
     assert not (tmp_path / "none.sqlite").exists()

@@ -20,13 +20,13 @@ from typing import Any
 import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException, MissingConfigException
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from yaml import YAMLError
 
-from gvla2.errors import ConfigurationError, Gvla2Error, UnknownComponentError, did_you_mean
+from gvla2.errors import ConfigurationError, Gvla2Error, UnknownComponentError, did_you_mean, kept_alive
 from gvla2.io.secrets import refuse_secrets
 from gvla2.plugins.discovery import describe
 from gvla2.plugins.hydra_config import EveryKind, register, register_resolvers
@@ -95,7 +95,8 @@ class HydraTask:
             self.registry = load_plugins()
         job = HydraConfig.get()
         try:
-            return self.function(typed(config), self.registry, Path(job.runtime.output_dir))
+            with kept_alive():
+                return self.function(typed(config), self.registry, Path(job.runtime.output_dir))
         except Exception as error:
             log.info("The job failed.", exc_info=True)
             if job.mode != RunMode.MULTIRUN:
@@ -116,8 +117,15 @@ def launch(command: str, configs: Mapping[str, type], function: JobFunction, arg
     ``configs`` has the command's dataclass by its name, and those of its groups. Returns the exit status: 0; 1 after an
     error; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM.
     """
-    for word in argv:  # Hydra would merge the options of several components into one
+    names = {each.name for each in fields(configs[command])}
+    argv = [at_home(word) for word in argv]
+    for word, after in zip(argv, (*argv[1:], "VALUE"), strict=False):
         kind, _, value = word.partition("=")
+        flag = kind.removeprefix("--")
+        if flag != kind and flag != "instruction" and flag.partition(".")[0] in {*names, *KINDS, *SLOTS}:
+            print(f"gvla2: an option has no dashes: {flag}={value or after}", file=sys.stderr)
+            return 2
+        # Hydra would merge the options of several components into one
         if kind in (*KINDS, *SLOTS) and value.startswith("[") and "," in value:
             print(f"gvla2: {kind} takes one name; a sweep: -m {kind}={value.strip('[]')}", file=sys.stderr)
             return 2
@@ -125,7 +133,7 @@ def launch(command: str, configs: Mapping[str, type], function: JobFunction, arg
     task = HydraTask(function, registry)
     try:
         argv = named_policy(argv)
-        if "instruction" in {each.name for each in fields(configs[command])}:
+        if "instruction" in names:
             argv = quoted_instruction(argv)
         argv = sorted(argv, key=_is_override)  # argparse refuses overrides on both sides of a flag
         for word in argv:  # Hydra writes them into files before a job begins
@@ -217,6 +225,12 @@ def _run_once(command: str, task: HydraTask, argv: Sequence[str]) -> None:
         application.run(command, task, list(argv))
 
 
+def at_home(word: str) -> str:
+    """The argument with a value that begins with ``~/``, which shells leave as it is, at the user's home."""
+    option, is_, value = word.partition("=")
+    return f"{option}={Path(value).expanduser()}" if is_ and value.startswith("~/") else word
+
+
 def named_policy(argv: Sequence[str]) -> list[str]:
     """The arguments with ``policy=PATH``, of a checkpoint, as the policy that reads it and its option."""
     made: list[str] = []
@@ -250,8 +264,12 @@ def quoted_instruction(argv: Sequence[str]) -> list[str]:
 
 
 def as_overrides(options: Mapping[str, Any]) -> list[str]:
-    """Hydra's overrides that set options, by their dotted names, to Python values."""
-    return [f"{name}={_written(value)}" for name, value in options.items()]
+    """Hydra's overrides that set options, by their dotted names, to Python values; a component of None is ``none``."""
+    groups = (*KINDS, *SLOTS)
+    return [
+        f"{name}={'none' if value is None and name in groups else _written(value)}"
+        for name, value in options.items()
+    ]
 
 
 def _written(value: Any) -> str:
@@ -287,15 +305,27 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
         options, note = error.options or (), ""
         if registry is not None and group in registry.groups:  # of a list of choices Hydra gives none
             options, note = list(registry.components(group)), registry.broken_note(group)
+        if group == "policy":
+            note = f"There is no folder of a checkpoint of that name either. {note}".strip()
         return str(UnknownComponentError(group, name.removesuffix(".yaml"), options, note))
+    if isinstance(error, OverrideParseException):
+        why = " ".join(str(error).partition("See https:")[0].split())
+        return f"{why}. Options are KEY=VALUE, such as task=push_block, and a sentence needs quotes: -i 'lift the cup'."
     if not isinstance(error, HydraException | OmegaConfBaseException):
         return ". ".join([describe(error).rstrip("."), *getattr(error, "__notes__", ())])
     cause = error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error
     if not isinstance(cause, OmegaConfBaseException):
-        return " ".join(str(error).split())
+        said, appended, preset = " ".join(str(error).split()).partition(
+            "To append to your default list use +"
+        )
+        if appended and not preset.startswith("experiment="):  # which would not help
+            return f"{said}This command has no such choice; --help lists what there is (of a bench: tasks=[NAME])."
+        return said + appended + preset
     lines = [str(each).splitlines()[0].rstrip(".") for each in dict.fromkeys((error, cause))]
     known = cause.parent_node if isinstance(cause, ConfigKeyError | ConfigAttributeError) else None
     hint = did_you_mean(str(cause.key), map(str, known)) if isinstance(known, DictConfig) else ""
+    if "is not a ListConfig" in str(cause) and (given := re.search(r"override (\S+)=(.*)", lines[0])):
+        return f"{given[1]} is a list: {given[1]}=[{given[2]}]."
     return f"{'. '.join(lines)}.{hint}"
 
 

@@ -145,13 +145,20 @@ def find_record(view: BankView, word: str, *, whole: bool = False) -> Record:
     raise NotFoundError(f"No record '{word}' in bank '{view.bank}'.{hint}")
 
 
+def _said(record: Record) -> str:
+    """The record on one line, with its numbers."""
+    from gvla2.memory.rendering import effect_words
+
+    return one_line(record.content) + effect_words(record.effect_json())
+
+
 def list_records(request: MemoryRequest) -> Answer:
     """The records, most recently changed first."""
     with request.store() as store, store.reading(request.config.bank) as view:
         records = view.records()
     shown = sorted(records, key=lambda record: (-record.updated, record.id))
     shown = shown[: request.config.limit or len(records)]
-    rows = [(r.id, r.state, r.outcome, f"{r.confidence:.2f}", one_line(r.content)) for r in shown]
+    rows = [(r.id, r.state, r.outcome, f"{r.confidence:.2f}", _said(r)) for r in shown]
     columns = ("id", "state", "outcome", "confidence", "content")
     lines: list[Table | str] = [_table(columns, rows) if rows else "The bank has no records."]
     if len(shown) < len(records):
@@ -184,7 +191,7 @@ def search(request: MemoryRequest) -> Answer:
     for hit in hits:
         terms = " ".join(f"{name} {round(value, 2) + 0.0:+.2f}" for name, value in hit.terms.items())
         state = "recalled" if hit.reliable else "passed over"
-        rows.append((hit.record.id, state, f"{hit.score:.3f}", f"{one_line(hit.record.content)}\n{terms}"))
+        rows.append((hit.record.id, state, f"{hit.score:.3f}", f"{_said(hit.record)}\n{terms}"))
     found = [
         {"record": _columns(h.record), "score": h.score, "terms": dict(h.terms), "reliable": h.reliable}
         for h in hits
@@ -195,6 +202,10 @@ def search(request: MemoryRequest) -> Answer:
         _table(columns, rows),
         f"A recall for these words would show {recalled} of them.",
     ]
+    if recalled != len(hits):
+        lines.append(
+            "Passed over: provisional, too little evidence, a repeat, or beyond the retriever's limits."
+        )
     return Answer({"query": words, "found": found}, lines if rows else ["Nothing is similar."])
 
 

@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import inspect
 import json
+import re
 import sys
 import typing
 from collections.abc import Sequence
@@ -34,6 +35,10 @@ EPILOG = f"""\
 Kinds: {", ".join(KINDS)}, skill, and those that plugins add.
 GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
 """
+
+
+_ROLE = re.compile(r":\w+:`~?(?:[\w.]*\.)?(\w+)`")
+"""A reference of the documentation, of which the terminal shows the name."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,9 +126,12 @@ def _print_options(kind: str, offer: Offer) -> None:
     needs = f"  needs {', '.join(component.needs)}" if component.needs else ""
     out.print(f"\n{kind}={component.name}{needs}", style="bold", markup=False)
     config = component.config
-    described = "" if config is ComponentConfig else inspect.getdoc(config) or ""
-    if not described.startswith(f"{config.__name__}("):  # what dataclass itself writes
-        out.print(printable(described), style="dim", markup=False)
+    for each in config.__mro__[: config.__mro__.index(ComponentConfig)]:
+        described = inspect.cleandoc(vars(each).get("__doc__") or "")
+        if dataclasses.is_dataclass(each) and not described.startswith(
+            f"{each.__name__}("
+        ):  # what it writes itself
+            out.print(printable(_ROLE.sub(r"\1", described)) + "\n", style="dim", markup=False)
     listing = table("option", "type", "default")
     for option in options(config):
         row(listing, f"{kind}.{option.name}", option.type, option.default)

@@ -43,7 +43,7 @@ class ReconstructConfig:
     ``views`` is their folder, ``views_spec`` which of them are the input (``0-4``, or ``[0-4,7]`` where a comma is
     needed; by default the protocol's 0-4 of a GSO-30 tree and all of another folder), ``size`` their longer side in
     pixels. ``targets`` are views held out to judge by, ``truth`` is a mesh file in the views' frame. ``object`` is the
-    name to show, the folder's by default; ``quiet`` leaves only errors on the terminal. A sweep puts its jobs into the
+    name to show, the folder's by default; ``quiet`` prints only the result. A sweep puts its jobs into the
     database ``results``; finished jobs in its folder are kept, unless ``results.fresh``.
     """
 
@@ -174,8 +174,8 @@ def reconstruct(
             pictures = recorder.pictures(record)
         page = recorder.page(record, pictures)
         steps.report("draw", "; ".join(recorder.notes) or "pictures and page", warn=bool(recorder.notes))
-        progress.say(summary_line(record))
-        progress.say(f"-> {page}")
+        progress.say(summary_line(record), always=True)
+        progress.say(f"-> {page}", always=True)
     return record
 
 

@@ -83,7 +83,8 @@ def _nothing(config: ReportConfig, stored: Mapping[str, Sequence[Cell]]) -> str:
         return f"{config.results.url} is empty: `gvla2 bench` and sweeps of `gvla2 run` fill it."
     known = [cell.factors for cells in stored.values() for cell in cells]
     values = {name: {str(factors[name]) for factors in known if name in factors} for name in config.where}
-    factors = [f"{name}: {', '.join(sorted(found)) or 'no such factor'}" for name, found in values.items()]
+    none = f"no such factor; there are {', '.join(sorted({name for factors in known for name in factors}))}"
+    factors = [f"{name}: {', '.join(sorted(found)) or none}" for name, found in values.items()]
     return f"Nothing in {config.results.url} fits the selection. It holds {'; '.join([*there, *factors])}."
 
 

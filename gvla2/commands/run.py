@@ -307,6 +307,12 @@ def run_here(options: Mapping[str, Any], folder: Path | str | None) -> EpisodeRe
     from gvla2.commands.hydra_job import as_overrides, composed, explain
 
     registry = load_plugins()
+    word = folder if isinstance(folder, str) else ""
+    if word in registry.components("task") or word.partition("=")[0] in registry.groups:
+        raise ConfigurationError(
+            f"The first argument of gvla2.run is a folder for its files, not '{word}': options are keywords, such as "
+            "gvla2.run(task='push_block')."
+        )
     try:
         config, _ = composed("run", as_overrides({"quiet": True, **options}), registry)
     except (HydraException, OmegaConfBaseException) as error:

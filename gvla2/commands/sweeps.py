@@ -115,7 +115,8 @@ def kept_job(config: Any, folder: Path, run: Callable[[str], tuple[float, Sequen
     label, digest = job_label(), digest_of(config)
     done = None if config.results.fresh else done_before(folder, digest)
     if done is not None:
-        print(f"{label} is done: {folder / 'index.html'}", file=sys.stderr)
+        page = folder / "index.html"
+        print(f"{label} is done: {page if page.is_file() else folder}", file=sys.stderr)
         _ended("-")
         return done
     for file in folder.glob(f"{BANK}*"):  # what an earlier, unfinished try has learned

@@ -7,8 +7,12 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
+from hydra.errors import HydraException
+from omegaconf.errors import OmegaConfBaseException
+
 from gvla2.commands.hydra_job import composed, report
 from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.plugins.registry import Registry, load_plugins
 
 TASKS = """\
 Lists the tasks that `gvla2 run` takes, with the chosen robot: its own, by their instructions, if it has a world of its
@@ -26,10 +30,11 @@ def tasks(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="gvla2 tasks", description=TASKS)
     parser.add_argument("overrides", nargs="*", metavar="robot=NAME robot.option=VALUE", help="as for run")
     overrides = parser.parse_args(argv).overrides
+    registry = load_plugins()
     try:
-        found = tasks_of(overrides)
-    except Gvla2Error as error:
-        return report(error)
+        found = tasks_of(overrides, registry)
+    except (Gvla2Error, HydraException, OmegaConfBaseException) as error:
+        return report(error, registry)
     from gvla2.commands.tables import console, row, table
 
     listing = table("task", "")
@@ -39,11 +44,11 @@ def tasks(argv: Sequence[str]) -> int:
     return 0
 
 
-def tasks_of(overrides: Sequence[str]) -> dict[str, str]:
+def tasks_of(overrides: Sequence[str], registry: Registry) -> dict[str, str]:
     """The tasks by name for the robot that the overrides choose: their instructions, or their summaries."""
     from gvla2.robot.backend import OffersTasks
 
-    config, registry = composed("run", [*overrides, "task=none"])
+    config, _ = composed("run", [*overrides, "task=none"], registry)
     if any(word.startswith("robot") for word in overrides):
         with closing(registry.build(config, "robot")) as robot:
             if isinstance(robot, OffersTasks):
@@ -68,7 +73,6 @@ def data(argv: Sequence[str]) -> int:
 
 def write_gallery(name: str, folder: Path) -> Sequence[str]:
     """The names of the objects written; raises :class:`ConfigurationError` for a robot that has none."""
-    from gvla2.plugins.registry import load_plugins
     from gvla2.robot.backend import OffersGallery
 
     registry, robot = load_plugins(), name.removesuffix(GALLERY)

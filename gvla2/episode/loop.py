@@ -473,6 +473,8 @@ def _check_success(record: EpisodeRecord, run: _Run) -> EpisodeRecord:
     if success_check is not None and not success_check.relaxed and record.failure is None:
         # The verifier saw nothing wrong, the success check did: say so rather than leave an unexplained failure.
         message = f"The success check found the goal not reached ({record.goal or 'see the task'})."
+        if run.request.instruction:
+            message += " It knows the task's goal, not what a sentence of your own asks."
         return replace(record, failure=Failure("success_check", "goal_not_reached", message))
     return record
 

@@ -146,6 +146,12 @@ class EpisodeRecord:
     parts: tuple[EpisodeRecord, ...] = ()
     second_try: bool = False
 
+    def __repr__(self) -> str:
+        """What was asked and what became of it; not the pictures."""
+        verdict = self.verdict.outcome if self.verdict else None
+        asked = f"task={self.task!r}, seed={self.seed}, instruction={self.instruction!r}"
+        return f"EpisodeRecord({asked}, {self.success_check}, verdict={verdict!r}, failure={self.failure})"
+
     @property
     def seen(self) -> Seen:
         """The perceived scene; this and the next three raise :class:`RuntimeError` before the stage that fills them."""

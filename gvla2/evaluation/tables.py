@@ -120,7 +120,7 @@ def to_latex(sheets: Sequence[Sheet]) -> str:
                 ]
             )
         )
-    return "\n\n".join(blocks) + "\n"
+    return "\n\n".join(["% \\usepackage{booktabs}", *blocks]) + "\n"
 
 
 def _small(lines: Sequence[str]) -> str:

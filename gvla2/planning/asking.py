@@ -105,7 +105,10 @@ def _misfit(value: Any, kind: Any, name: str) -> str:
     else:
         fits = isinstance(value, origin or kind)
     if not fits:
-        wanted = "a finite number" if kind in (float, int) else kind if args else kind.__name__
+        named = (
+            f"one of {', '.join(map(str, args))}" if origin is Literal else kind if args else kind.__name__
+        )
+        wanted = "a finite number" if kind in (float, int) else named
         return f"{name} {value!r:.100}, which is not {wanted}"
     return next(filter(None, (_misfit(*each) for each in _contents(value, kind, name))), "")
 

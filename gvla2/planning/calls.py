@@ -89,7 +89,7 @@ class SkillOptions:
     ``lift_height`` is how far an object is lifted when the call gives no amount; ``push_distance`` how far it is
     pushed when the call gives a direction only; ``speed`` of the tool in free space, ``contact_speed`` in contact.
     ``parameters`` replaces the defaults of the skills' parameters by name (``{standoff: 0.06, place_height: 0.01}``,
-    see :data:`gvla2.skills.parameters.PARAMETERS`); ``grasp`` is how grasps are chosen. ``tries`` is the maximum
+    listed by ``gvla2 plugins skill NAME``); ``grasp`` is how grasps are chosen. ``tries`` is the maximum
     number of candidates checked in full. ``explore`` > 0 varies the numbers of each plan around their values, by this
     relative spread and at most by half; ``explore_seed`` selects the variation.
     """

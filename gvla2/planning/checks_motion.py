@@ -173,7 +173,7 @@ def _check_leg(leg: Leg, scene: Scene, arm: Arm, found: Findings) -> None:
     if leg.waypoint.motion == "linear":
         stride = max(1, round(SWEEP_STEP / LINE_STEP))
         swept = [*map(np.asarray, leg.samples[:-1:stride]), end]
-        advice = "go around by a via-point, or allow the contact"
+        advice = "go around by a via-point, or allow the contact (allowed_contacts)"
         clear = gap("collision", swept, leg.opening, LINEAR_CLEARANCE, advice)
     else:
         if leg.index > 0:
@@ -183,7 +183,9 @@ def _check_leg(leg: Leg, scene: Scene, arm: Arm, found: Findings) -> None:
         clear = gap("collision", [end], leg.opening, FREE_CLEARANCE, advice)
     if clear and abs(leg.waypoint.gripper - leg.opening) > EPS:
         opening = float(np.clip(leg.waypoint.gripper, 0.0, 1.0))
-        advice = "the hand opens or closes there: choose another opening"
+        advice = (
+            "the hand opens or closes there: choose another opening, or allow the contact (allowed_contacts)"
+        )
         gap("hand_blocked", [end], opening, LINEAR_CLEARANCE, advice)
 
 

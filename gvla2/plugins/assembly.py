@@ -30,12 +30,14 @@ def build_components(
 
     ``choices`` are their names in the record, by default their names by group, without those that nothing uses here;
     ``branch`` the options of the reconstruction branch. A perceiver without a gallery gets the task's known objects.
-    Raises :class:`ConfigurationError` for a camera that the robot would not use, and for options of the reconstruction
-    branch without a reconstructor.
+    Raises :class:`ConfigurationError` for a camera that the robot would not use, for a parameter that no skill has, and
+    for options of the reconstruction branch without a reconstructor.
     """
     from gvla2.episode.loop import Components
     from gvla2.episode.refine import GeometryComponents
+    from gvla2.planning.calls import SkillOptions
     from gvla2.reconstruction.options import BranchOptions
+    from gvla2.skills.grounding import wrong_parameters
 
     camera, robot = (registry.chosen(config, kind) for kind in ("camera", "robot"))
     takers = [name for name, one in registry.components("robot").items() if "camera" in one.needs]
@@ -47,6 +49,15 @@ def build_components(
     config = with_known_objects(config, registry)
     built: dict[str, Any] = {}
     registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
+    for kind in ("planner", "fallback"):
+        options = getattr(config, kind, None)
+        refusal = (
+            wrong_parameters(options.parameters, registry.skills)
+            if isinstance(options, SkillOptions)
+            else None
+        )
+        if refusal is not None:  # once, and not as a failure of each episode
+            raise ConfigurationError(f"{kind}.parameters: {refusal.message}")
     branch, refines = branch or BranchOptions(), registry.chosen(config, "reconstructor") != NONE
     if not refines:
         _refuse_unused(config, registry, branch)

@@ -73,10 +73,13 @@ class Registry:
 
     def broken_note(self, kind: str) -> str:
         """The note on broken and skipped plugins when a component of the kind is missing; "" without any."""
-        hooks = {"", self.kind_of(kind).hook}
-        broken = sorted({problem.plugin for problem in self.problems if problem.hook in hooks})
-        names = ", ".join(broken)
-        note = f"Broken plugins that might have offered it: {names} (see `gvla2 plugins`)." if broken else ""
+        own = self.kind_of(kind).hook
+        others = {SKILL_HOOK, DISABLE_VARIABLE, *(each.hook for each in self.kinds.values())} - {own}
+        broken = [each for each in self.problems if each.hook not in others]  # of a misspelt hook too
+        why = "; ".join(
+            f"{each.plugin}, {f'{each.hook} {each.message}'.strip().rstrip('.')}" for each in broken
+        )
+        note = f"Broken plugins that might have offered it: {why}." if broken else ""
         skipped = os.environ.get(DISABLE_VARIABLE)
         return f"{note} {DISABLE_VARIABLE} skips: {skipped}.".strip() if skipped else note
 

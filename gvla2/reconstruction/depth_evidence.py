@@ -330,7 +330,9 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
     right = f"depth right to {100 * float(np.nanmedian(aligned.std)):.2f} %"
     if usable.sum() < 2:
         right = "how right its depth is cannot be judged from one"
-    summary = f"{int(usable.sum())} of {len(views)} views used, {right}."
+    unused = ", ".join(view.name for view, one in zip(views, usable, strict=True) if not one)
+    without = f" (no usable depth: {unused})" if unused else ""
+    summary = f"{int(usable.sum())} of {len(views)} views used{without}, {right}."
     scale = float(np.median(rough[usable]))
     if max(scale, 1 / scale) - 1 > OFF_SCALE:
         summary += f" The masks fit its depth times {scale:.3g}: is it in metres?"

@@ -153,7 +153,7 @@ def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
             f"{robot}, {fps:g} Hz, {n} numbers, {h}x{w}" for robot, fps, n, (h, w) in sorted(kinds)
         )
         raise Gvla2Error(
-            f"One data set holds one arm at one rate and picture size, not several: {kinds_found}."
+            f"One data set holds one arm at one rate and picture size; name the folders of one of these: {kinds_found}."
         )
     aside = folder.absolute().with_name(f".{folder.absolute().name}.unfinished")
     try:

@@ -187,7 +187,7 @@ def headline(record: ReconstructionRecord) -> tuple[str, str]:
     for group, name, worse in (
         ("truth", "cd_surface", "farther from the truth"),
         ("held_out", "psnr", "unused views fit worse"),
-        ("inputs", "symmetric_iou", "masks fit worse"),
+        ("inputs", "symmetric_iou", "masks fit a little worse"),
     ):
         number = compared(record, group, name)
         if number is not None:

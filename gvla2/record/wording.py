@@ -113,7 +113,7 @@ def details(record: EpisodeRecord) -> list[str]:
     """Details behind the headline, in short pieces."""
     parts: list[str] = [count(len(record.whole), "part")] if record.parts else []
     if record.success_check is not None:
-        parts.append(f"success check: {finding(record, 'success_check')}")
+        parts.append(f"success check: {result_of(record, 'success_check')}")
     if record.verdict is not None:
         parts.append(f"verifier: {result_of(record, 'verify')}")
     if record.report is not None:

@@ -207,8 +207,8 @@ def _check(config: ArmConfig) -> None:
     missing = [f"robot.{name}=..." for name in config.required if not getattr(config, name)]
     if missing:
         raise ConfigurationError(
-            f"robot={config.name} simulates any arm and needs {' and '.join(missing)}: its URDF, and the link that "
-            "carries the tool (docs/your_arm.md)."
+            f"robot={config.name} simulates any arm and needs {' and '.join(missing)}. robot.urdf is its URDF, "
+            "robot.tool_link the link that carries the tool (docs/your_arm.md)."
         )
     wrong = [
         f"robot.{name}={list(value)} ({length} numbers)"

@@ -67,7 +67,7 @@ class Kinematics:
         _place_base(self.model, pin.SE3(world_from_base))
         free = [n for n, joint in zip(self.model.names, self.model.joints, strict=True) if joint.nq > 1]
         if free:
-            raise RobotError(f"{source}: {', '.join(free)} have several axes, which is not supported.")
+            raise RobotError(f"{source}: joints need one axis each; these have several: {', '.join(free)}.")
         frame = self.model.frames[self.model.getFrameId(tool_link)]
         if frame.parentJoint == 0:
             raise RobotError(

@@ -14,6 +14,7 @@ from difflib import get_close_matches
 
 import numpy as np
 
+from gvla2.errors import did_you_mean
 from gvla2.planning.arm import Hand
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
@@ -306,7 +307,8 @@ def wrong_parameters(
     for name, value in values.items():
         if name not in ranges:
             there = ", ".join(own or ranges)
-            return Abstention("other", f"There is no parameter '{name}'; there are {there}.")
+            hint = did_you_mean(name, own or ranges)
+            return Abstention("other", f"There is no parameter '{name}'.{hint} There are {there}.")
         least, most = ranges[name].least, ranges[name].most
         if not least <= value <= most:
             unit = f" {ranges[name].unit}" if ranges[name].unit else ""

@@ -10,7 +10,7 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.component import check_ranges
+from gvla2.component import Range, check_ranges
 from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, RayImage
@@ -35,11 +35,14 @@ from gvla2_plugins.sapien.world import SapienWorld
 SHOWN_SIZE = 640
 """Side in pixels of pictures for people; perception gets those of ``image_size``."""
 
-POSITIVE = (
-    *("image_size", "video_size", "physics_rate"),
-    *("arm_stiffness", "arm_damping", "arm_force", "grip_force", "grip_speed"),
-)
-"""Options that must lie above zero."""
+RANGES: Mapping[str, Range] = {
+    **dict.fromkeys(("image_size", "video_size"), (1, 8192, "pixels")),
+    **dict.fromkeys(
+        ("arm_stiffness", "arm_damping", "arm_force", "grip_force", "grip_speed"), (1e-3, 1e6, "")
+    ),
+    "physics_rate": (1, 100_000, "Hz"),
+    "video_fps": (0, 1000, ""),
+}
 
 JUDGE_SECONDS = 0.25
 """The arm holds still this long before success is checked, so that slipping objects have slipped."""
@@ -110,8 +113,7 @@ class SapienArm(DrivenRobot):
         self._config, self._cell = config, make_cell(config)
         self._cell.check_cameras(config.cameras)
         self._cell.check_cameras(config.video_cameras or config.cameras[:1])
-        ranges = dict.fromkeys(POSITIVE, (0.001, 1000000.0, "")) | {"video_fps": (0.0, 1000.0, "")}
-        check_ranges(config, "robot", ranges)
+        check_ranges(config, "robot", RANGES)
         self._arm = self._cell.arm
         self._robot = self._cell.looks
         self._world: SapienWorld | None = None

@@ -110,7 +110,8 @@ def test_markdown_has_whole_rows_and_its_own_suites_explanation():
 
 
 def test_latex_escapes_what_it_must():
-    comment, text = to_latex(comparison_sheets(cells(), RECONSTRUCTION)).split("\n", 1)
+    needed, _, comment, text = to_latex(comparison_sheets(cells(), RECONSTRUCTION)).split("\n", 3)
+    assert needed == r"% \usepackage{booktabs}"
     assert comment.startswith("% ")
     assert not re.search(r"(?<!\\)%", text)
     assert not re.search(r"[±↓↑×]", text)

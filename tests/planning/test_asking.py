@@ -63,7 +63,7 @@ def test_a_plan_passes_as_it_is(plan):
         (changed(orientation=Orientation("axis", (NAN, 0.0, 1.0))), "orientation.vector"),
         (changed(guard=Guard(force="much")), "guard.force 'much'"),
         (planned(GOOD, parameters={"lift_height": NAN}), "a finite number"),
-        (changed(motion="fly"), "motion 'fly'"),
+        (changed(motion="fly"), "motion 'fly', which is not one of free, linear"),
         (planned(GOOD, candidates=("a",)), "candidates"),
     ],
 )

@@ -120,6 +120,12 @@ def test_each_fault_is_found_by_its_check_and_named(waypoints, expected):
     assert message in report.reasons
 
 
+def test_a_hand_that_closes_on_an_object_is_told_of_allowed_contacts():
+    report = check(*(replace(w, allowed_contacts=frozenset()) for w in GOOD))
+    assert ("clearance", "hand_blocked") in kinds(report)
+    assert "or allow the contact (allowed_contacts)" in report.reasons[0]
+
+
 def test_all_faults_are_reported_at_once_and_every_check_speaks():
     worst = (
         replace(GOOD[0], speed=5.0, motion="hop"),

@@ -131,7 +131,7 @@ def test_nothing_works_before_reset_or_after_close():
         ({"cameras": ["front", "top"]}, "front, left_shoulder, right_shoulder, wrist"),
         ({"cameras": []}, "one or more"),
         ({"cameras": ["wrist", "wrist"]}, "different"),
-        ({"image_size": 0}, "image_size is 0"),
+        ({"image_size": 0}, "image_size is 0; it must be from 1 to 8192 pixels"),
         ({"physics_rate": -1}, "physics_rate is -1"),
     ],
 )

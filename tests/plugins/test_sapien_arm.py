@@ -264,6 +264,7 @@ EMPTY = "<visual><geometry/></visual>"
         (None, {"tool_link": "base", "gripper_joints": []}, "No joint of six.urdf moves the tool's link 'base'"),
         (urdf(extra=CAP.format(EMPTY)), {}, r"<geometry> of link cap in .*six\.urdf does not hold"),
         (None, {"urdf": "", "tool_link": ""}, r"needs robot\.urdf=\.\.\. and robot\.tool_link=.*your_arm\.md"),
+        (urdf().replace("revolute", "floating", 1), {}, "one axis each; these have several: j1"),
         (urdf(shapes=False), {}, "None of the 11 links of .* has a <collision> or <visual>"),
         (urdf(extra=CAP.format(VISUAL)), {}, r"mesh .*six/none\.stl of link cap in .*not exist"),
         (urdf(travel=0.0), {}, r"The gripper cannot open: .*finger_a_joint.*\(0\.0, 0\.0\).*Correct the joints"),

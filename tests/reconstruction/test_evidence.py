@@ -76,7 +76,7 @@ def test_a_view_without_depth_is_left_out_and_the_rest_is_used(views, seen):
     found = gather(given, seen)
     assert not np.isfinite(found.depth[1]).any()
     assert error(found.depth, views) < 0.6
-    assert found.summary.startswith("4 of 5 views used")
+    assert found.summary.startswith(f"4 of 5 views used (no usable depth: {views[1].name}), depth right to ")
 
 
 def test_a_single_depth_map_is_believed(views, seen):
@@ -84,7 +84,8 @@ def test_a_single_depth_map_is_believed(views, seen):
     given.depth[1:] = np.nan
     found = gather(given, seen)
     assert error(found.depth[:1], Views(views.views[:1])) < 0.5
-    assert found.summary == "1 of 5 views used, how right its depth is cannot be judged from one."
+    assert found.summary.startswith("1 of 5 views used (no usable depth: ")
+    assert found.summary.endswith("), how right its depth is cannot be judged from one.")
     assert "in metres" in gather(replace(given, depth=1000 * given.depth), seen).summary
 
 

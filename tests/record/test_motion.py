@@ -168,12 +168,12 @@ def test_a_data_set_that_cannot_be_written_is_refused(tmp_path: Path):
         write_dataset(tmp_path / "set", [])
     with pytest.raises(Gvla2Error, match="is not empty"):
         write_dataset(tmp_path / "a", [one])
-    with pytest.raises(Gvla2Error, match=r"not several: .*4 numbers.*8 numbers"):
+    with pytest.raises(Gvla2Error, match=r"one of these: .*4 numbers.*8 numbers"):
         write_dataset(tmp_path / "set", [one, demonstration(tmp_path / "b", dof=7)])
     for source in ("urdf ur10.urdf, camera front", "urdf ur5.urdf, camera wrist"):
         one = replace(one, source="urdf ur5.urdf, camera front")
         other = replace(demonstration(tmp_path / source), source=source)
-        with pytest.raises(Gvla2Error, match=f"not several: .*{source}"):
+        with pytest.raises(Gvla2Error, match=f"one of these: .*{source}"):
             write_dataset(tmp_path / "set", [one, other])
     with pytest.raises(Gvla2Error, match="7 frames for 6 states"):
         write_dataset(tmp_path / "set", [replace(one, states=one.states[1:])])

@@ -102,7 +102,7 @@ def test_options_replace_defaults_of_parameters_and_say_how_grasps_are_chosen():
     plan = carry_out(pick, request(A), SkillOptions(parameters={"standoff": 0.08, "turn": 1.0}))
     assert plan.parameters["standoff"] == pytest.approx(0.08)
     wrong = carry_out(pick, request(A), SkillOptions(parameters={"standof": 0.08}))
-    assert "there are standoff, approach_tilt" in wrong.abstention.message
+    assert "There are standoff, approach_tilt" in wrong.abstention.message
     careful = SkillOptions(grasp=GraspOptions(clearance=0.04))
     assert "40 mm of clearance" in carry_out(pick, request(A), careful).abstention.message
     with pytest.raises(ConfigurationError, match=r"planner\.grasp\.clearance"):
