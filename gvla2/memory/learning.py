@@ -98,6 +98,7 @@ class LessonLedger:
         held, model = self.index.get(record.id), ""
         if record.state not in STATES:
             vector = None
+            self.transaction.linked |= bool(held and held.conflicts)  # which end with it
         elif vector is None and (held is None or held.record.text != record.text):
             vector = self.vector(record)
         if vector is not None:

@@ -55,7 +55,7 @@ class Transaction(BankView):
     It holds the bank's write lock, so reads stay valid until the end. Reasons (``why``) and a record's ``note`` may
     name other records by id, but must not quote them: forgetting a record does not search for its words in the reasons
     of others (except of links to it). ``forgotten`` are the forgotten ids; if there are any, the store cleans the
-    database's files after the commit. ``linked``: whether it linked two records.
+    database's files after the commit. ``linked``: whether conflicts between records began or ended.
     """
 
     def __init__(self, sql: Connection, bank: str, actor: str, now: float) -> None:

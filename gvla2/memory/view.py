@@ -95,19 +95,18 @@ class BankView:
         return self._named(query, RECORD.c.id, ids)
 
     def embedded(self, states: Collection[str]) -> list[Embedded]:
-        """The records in these states with their vectors."""
+        """The records in these states with their vectors; a conflict with one that is in no such state is settled."""
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
-        query, against = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD), self.conflicts()
+        query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD)
         query = query.select_from(joined).where(RECORD.c.bank == self.bank, RECORD.c.state.in_(states))
-        return [
-            Embedded(record, vector_of(dimension, stored), model or "", against[record.id])
+        found = [
+            (record, vector_of(dimension, stored), model or "")
             for model, dimension, stored, *row in self.sql.execute(query)
             if (record := valid_record(row)) is not None
         ]
-
-    def conflicts(self) -> Counter[str]:
-        """How many others contradict each record, in either direction of a link."""
-        return Counter(id for pair in pairs_of(self.links())["conflict"] for id in pair)
+        held, pairs = {record.id for record, *_ in found}, pairs_of(self.links())["conflict"]
+        against = Counter(id for pair in pairs if held.issuperset(pair) for id in pair)
+        return [Embedded(record, vector, model, against[record.id]) for record, vector, model in found]
 
     def links(self, ids: Wanted = None) -> list[Link]:
         """The links of the bank, or those with one of these records at either end; by source, kind, target."""

@@ -141,6 +141,7 @@ def test_what_an_answer_does(tmp_path: Path, contradicts: bool | None) -> None:
         events = [e for id in "ab" for e in look(bank.store, "b").history(id) if e.action.startswith("link")]
         assert [e.why for e in events] == ["fixed: because (p = 0.90)"] * len(links)
         assert states == {"a": "archive" if contradicts else "active", "b": "active"}
+        assert bank.index.get("b").conflicts == 0, "what is settled counts against nobody"
 
 
 @pytest.mark.parametrize("trusted", ["a", "b"])
