@@ -109,26 +109,9 @@ def transcript(record: EpisodeRecord) -> str:
 
 
 def _lessons(record: EpisodeRecord, verdict: Verdict, skills: Mapping[str, Skill]) -> list[Lesson]:
-    if record.plan is None:
-        return []
-    if record.report is None or not record.report.waypoints or record.plan.trajectory is None:
-        return _not_executed(record, skills)
     if verdict.outcome == "verified_success":
         return _from_success(record, skills)
     return _from_failure(record, skills, certain=verdict.outcome == "verified_fail")
-
-
-def _not_executed(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
-    """Nothing moved, so there is no lesson about motion; only how the planner handles such an instruction."""
-    refusal = record.planned.plan.abstention
-    if refusal is not None:
-        what = f"the planner declined ({refusal.kind})"
-    elif record.checks is not None and not record.checks.passed:
-        kinds = sorted({f.kind or f.check for f in record.checks.findings if not f.passed})
-        what = f"the plan was rejected before any motion ({', '.join(kinds)})"
-    else:
-        return []
-    return [Lesson("tool_usage", f"{_subject(record, skills)}: {what}. Nothing was executed.")]
 
 
 def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
@@ -267,7 +250,7 @@ def _describe_plan(plan: Plan) -> list[str]:
 def stories_of(
     record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD
 ) -> Iterator[tuple[MemoryEpisode, Verdict]]:
-    """The stories of a finished episode, first to last; unjudged ones are left out.
+    """The stories of a finished episode, first to last, without those that nobody judged or in which nothing moved.
 
     The last part of the last attempt has the episode's id, others that id and a number: ``#2`` the second attempt,
     ``#2.1`` its first part.
@@ -276,7 +259,7 @@ def stories_of(
     for number, attempt in enumerate(attempts, 1):
         parts = with_whole_program(attempt.whole)
         for place, part in enumerate(parts, 1):
-            if part.plan is None or part.verdict is None:
+            if part.plan is None or part.verdict is None or part.report is None or not part.report.waypoints:
                 continue
             name = f"#{number}.{place}" if len(parts) > 1 else f"#{number}"
             last = number == len(attempts) and place == len(parts)

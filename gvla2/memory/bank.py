@@ -124,7 +124,7 @@ class KnowledgeBank(OpenBank, Closing):
         """Store what the episode teaches and credit what was recalled for it, in one transaction.
 
         Either a whole episode with its verdict, or a task and its transcript: ``success`` is then its outcome (None for
-        unknown, whose lessons are not believed yet), ``recalled`` what :meth:`recall` gave for it, and ``source`` the
+        unknown), ``recalled`` what :meth:`recall` gave for it, and ``source`` the
         id of the run. Then, if a judge was given, it compares the new lessons with those near them, and if a verifier
         was given, one doubtful earlier episode is verified again.
         """

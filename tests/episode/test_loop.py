@@ -11,7 +11,7 @@ import pytest
 from gvla2.commands.hydra_job import explain
 from gvla2.commands.run import run_episodes
 from gvla2.episode.loop import EpisodeRequest, SilentListener, run_episode
-from gvla2.memory.contracts import MemoryContext, MemoryItem
+from gvla2.memory.contracts import Learned, MemoryContext, MemoryItem
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Bound
 from gvla2.robot.task import Body, Joint
@@ -136,7 +136,7 @@ def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
     assert record.report is None
     assert record.success_check is not None
     assert not record.success_check.relaxed
-    assert record.learned is None or not record.learned.added
+    assert record.learned is None or record.learned == Learned()
 
 
 def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_of):
@@ -233,7 +233,7 @@ def test_nobody_writes_into_what_others_see(parts_of):
     ids=["crash", "none"],
 )
 def test_a_broken_verifier_was_unavailable_and_the_episode_goes_on(parts_of, verify, shown):
-    parts, listener = parts_of(*QUICK), Listener()
+    parts, listener = parts_of(*QUICK, "memory.admission=true"), Listener()
     broken = replace(parts, verifier=Wrapped(parts.verifier, verify=verify))
     record = run_episode(broken, EpisodeRequest(seed=1), listener)
     assert tuple(listener.records) == ORDER

@@ -23,14 +23,14 @@ AVOID = Lesson("failure_avoidance", "Fast turns spilt the soup.")
     [
         (HINT, YES, "own", {}, "active"),
         (AVOID, NO, "own", {}, "active"),
-        (HINT, UNSURE, "own", {}, "provisional"),
-        (HINT, Verdict.unavailable("x"), "own", {}, "provisional"),
+        (HINT, UNSURE, "own", {"admission": True}, "provisional"),
+        (HINT, Verdict.unavailable("x"), "own", {"admission": True}, "provisional"),
         (HINT, NO, "own", {}, None),
         (AVOID, NO, "own", {"failures": False}, None),
         (Lesson("tool_usage", "  "), YES, "own", {}, None),
         (HINT, YES, "foreign", {}, "provisional"),
-        (HINT, UNSURE, "own", {"admission": False}, "active"),
-        (HINT, UNSURE, "foreign", {"admission": False}, "provisional"),
+        (HINT, UNSURE, "own", {}, "active"),
+        (HINT, UNSURE, "foreign", {}, "provisional"),
     ],
 )
 def test_the_state_follows_from_verdict_and_origin(

@@ -94,7 +94,7 @@ def test_a_failure_becomes_a_binding_constraint_and_never_a_recipe(
 def test_what_is_not_verified_stays_provisional_and_unseen(
     open_bank: Open, episode: Open, verdicts: Any, outcome: str
 ) -> None:
-    bank = open_bank()
+    bank = open_bank(admission=True)
     learned = bank.learn(episode("Pick up the red cube", lesson(), AVOID, TOOL), verdicts[outcome])
     assert len(learned.provisional) == 3
     assert not learned.added
@@ -105,7 +105,7 @@ def test_what_is_not_verified_stays_provisional_and_unseen(
 def test_a_provisional_record_is_promoted_by_a_verified_repeat(
     open_bank: Open, episode: Open, verdicts: Any
 ) -> None:
-    bank = open_bank()
+    bank = open_bank(admission=True)
     (first,) = bank.learn(episode("Pick up the red cube", lesson(0.5)), verdicts["uncertain"]).provisional
     learned = bank.learn(episode("Pick up the red cube", lesson(0.02)), verdicts["success"])
     assert learned.merged == (first,)

@@ -39,7 +39,7 @@ def learned(source: str = "run/1", *lessons: Lesson) -> MemoryEpisode:
 
 
 def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
+    bank = open_bank(admission=True, replay=True)
     (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
     judge = Judge(verdicts["success"])
     replay(bank, judge)
@@ -53,7 +53,7 @@ def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, v
 
 
 def test_a_recipe_of_an_episode_that_failed_after_all_is_archived(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
+    bank = open_bank(admission=True, replay=True)
     bank.learn(learned(), verdicts["uncertain"])
     replay(bank, Judge(verdicts["fail"]))
     assert [r.state for r in bank.records()] == ["archive"]
@@ -67,7 +67,7 @@ def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any,
                 raise MemoryStoreError("no network")
             return verdicts["unavailable"]
 
-    bank = open_bank()
+    bank = open_bank(admission=True, replay=True)
     bank.learn(learned(), verdicts["uncertain"])
     before, events = bank.records(), bank.stats()["events"]
     replay(bank, Broken())
@@ -76,7 +76,7 @@ def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any,
 
 
 def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
+    bank = open_bank(admission=True, replay=True)
     bank.learn(learned("run/1", PULLED), verdicts["success"])
     bank.learn(learned("run/2", NEVER), verdicts["fail"])
     assert [link.kind for link in look(bank.store, bank.bank).links()] == ["conflict"]
@@ -88,7 +88,7 @@ def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verd
 
 
 def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
+    bank = open_bank(admission=True, replay=True)
     for i in range(9):
         bank.learn(learned(f"run/{i}", PULLED), verdicts["success"])
     bank.learn(learned("other", NEVER), verdicts["fail"])
@@ -101,7 +101,7 @@ def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, 
 
 def test_learning_verifies_one_earlier_episode_again(open_bank: Open, verdicts: Any) -> None:
     judge = Judge(verdicts["success"])
-    bank = open_bank(verifier=judge)
+    bank = open_bank(admission=True, replay=True, verifier=judge)
     bank.learn(learned("run/1"), verdicts["uncertain"])
     assert judge.seen == []  # its own episode has just been judged
     bank.learn(MemoryEpisode(MemoryTask("Water the fern"), (AVOID,), source="run/2"), verdicts["fail"])
@@ -109,16 +109,16 @@ def test_learning_verifies_one_earlier_episode_again(open_bank: Open, verdicts: 
     assert {r.state for r in bank.records()} == {"active"}
 
 
-def test_replay_can_be_switched_off(open_bank: Open, verdicts: Any) -> None:
+def test_replay_has_to_be_switched_on(open_bank: Open, verdicts: Any) -> None:
     judge = Judge(verdicts["success"])
-    bank = open_bank(verifier=judge, replay=False)
+    bank = open_bank(admission=True, verifier=judge)
     bank.learn(learned("run/1"), verdicts["uncertain"])
     bank.learn(learned("run/2", AVOID), verdicts["fail"])
     assert judge.seen == []
 
 
 def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
+    bank = open_bank(admission=True, replay=True)
     other = Lesson(HINT.type, "Pull the drawer far.", {**PULLED.effect, "value": 0.9})
     (first,) = bank.learn(learned("run/1", PULLED), verdicts["success"]).added
     (second,) = bank.learn(learned("run/2", other), verdicts["uncertain"]).provisional
@@ -131,7 +131,7 @@ def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: O
 
 
 def test_a_forgotten_episode_cannot_be_replayed(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
+    bank = open_bank(admission=True, replay=True)
     (id,) = bank.learn(learned(), verdicts["uncertain"]).provisional
     assert bank.forget(id)
     assert not bank.forget(id)
