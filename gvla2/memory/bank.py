@@ -124,9 +124,9 @@ class KnowledgeBank(OpenBank, Closing):
         """Store what the episode teaches and credit what was recalled for it, in one transaction.
 
         Either a whole episode with its verdict, or a task and its transcript: ``success`` is then its outcome (None for
-        unknown), ``recalled`` what :meth:`recall` gave for it, and ``source`` the
-        id of the run. Then, if a judge was given, it compares the new lessons with those near them, and if a verifier
-        was given, one doubtful earlier episode is verified again.
+        unknown), ``recalled`` what :meth:`recall` gave for it, and ``source`` the id of the run. Then, if a judge was
+        given, it compares the new lessons with those near them; with ``replay`` and a verifier, one doubtful earlier
+        episode is verified again.
         """
         if not isinstance(episode, MemoryEpisode):
             given = tuple(map(_lesson, lessons))
