@@ -21,7 +21,7 @@ def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_liste
     off, on, mine = chosen_arms(config, registry)
     assert (off.source, on.memory, on.variant) == ("off", "governed", "")
     assert (mine.memory, mine.replan, mine.options) == ("governed", 1, {"admission": False})
-    assert mine.variant == "governed, admission=False, replan=1"
+    assert mine.variant == "governed, failures=False, replan=1"
     usual = config_of(registry, "arms.mine={memory: semantic}")
     assert usual.chosen_arms == ["off", "on", "shuffled", "semantic", "mine"]
 
@@ -57,7 +57,7 @@ def test_rows_of_refined_geometry_are_arms_beside_perceived_boxes(registry):
 def test_two_variants_of_one_memory_share_no_cell(registry):
     config = config_of(
         registry, "tasks=[lamp_on]", "layouts=[200]", "exploration_seeds=[1]", "arms=[off,on]",
-        "arms.a={memory: governed, admission: false}", "arms.b={memory: governed, replay: false}",
+        "arms.a={memory: governed, failures: false}", "arms.b={memory: governed, governance: false}",
         "arms.c={memory: off, replan: 1}",
     )  # fmt: skip
     (design,) = designs(config, registry)
@@ -65,7 +65,7 @@ def test_two_variants_of_one_memory_share_no_cell(registry):
     assert len(set(keys)) == len(keys) == 2 * 5
     variants = {one.arm.name: one.factors.get("variant", "") for one in design.plan}
     assert variants == {
-        "off": "", "on": "", "a": "governed, admission=False", "b": "governed, replay=False", "c": "off, replan=1",
+        "off": "", "on": "", "a": "governed, failures=False", "b": "governed, governance=False", "c": "off, replan=1",
     }  # fmt: skip
     again = designs(replace(config, own_arms={**config.own_arms, "a": {"memory": "governed"}}), registry)
     changed = {

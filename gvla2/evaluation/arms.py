@@ -104,7 +104,7 @@ def chosen_arms(config: MemoryArms, registry: Registry) -> list[BenchArm]:
             available = ", ".join(dict.fromkeys([*CONTROLS, *MEMORY_OF, *memories]))
             raise ConfigurationError(
                 f"No arm '{arm.source}'. Available: {available}; or a variant of one of them with a name of its own: "
-                f"arms.NAME={{memory: governed, admission: false}}."
+                f"arms.NAME={{memory: governed, failures: false}}."
             )
         known = [] if not arm.learns else options_of(registry, "memory", arm.memory)
         own = {*known, "replan", "geometry"} - {"url"}

@@ -121,8 +121,8 @@ class MemoryArms(BenchConfig):
     """Arms that differ in their memory, with the components that memories use.
 
     ``arms`` are ``off``, ``on``, ``shuffled``, or the name of any memory. An arm may also be a variant
-    with a name of its own and options (``arms.mine={memory: governed, admission: false}``, ``arms.retry={memory: off,
-    replan: 1}``), and a plain one can have options by its name (``arms.on.admission=false``).
+    with a name of its own and options (``arms.mine={memory: governed, failures: false}``, ``arms.retry={memory: off,
+    replan: 1}``), and a plain one can have options by its name (``arms.on.failures=false``).
     """
 
     arms: list[str] | None = None
