@@ -21,7 +21,7 @@ def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_liste
     off, on, mine = chosen_arms(config, registry)
     assert (off.source, on.memory, on.variant) == ("off", "governed", "")
     assert (mine.memory, mine.replan, mine.options) == ("governed", 1, {"admission": False})
-    assert mine.variant == "governed, failures=False, replan=1"
+    assert mine.variant == "governed, admission=False, replan=1"
     usual = config_of(registry, "arms.mine={memory: semantic}")
     assert usual.chosen_arms == ["off", "on", "shuffled", "semantic", "mine"]
 
