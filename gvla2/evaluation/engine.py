@@ -210,7 +210,8 @@ def _once(
         pending: dict[Future[Answer], int] = {pool.submit(function, task): k for k, task in tasks.items()}
         while pending:
             done, _ = wait(pending, return_when=FIRST_COMPLETED)
-            for future in sorted(done, key=lambda one: one.exception() is not None):  # no answer is lost to a death
+            # Deaths come last: no answer is lost to one.
+            for future in sorted(done, key=lambda one: one.exception() is not None):
                 yield pending.pop(future), future.result()
     except (KeyboardInterrupt, GeneratorExit):  # SIGTERM too: do not wait for running tasks
         for child in set(multiprocessing.active_children()) - others:
