@@ -247,6 +247,7 @@ def main() -> None:
     chosen = [word for word in sys.argv[1:] if not word.isdigit()]
     total = 0
     with tempfile.TemporaryDirectory() as place:
+        os.chdir(place)  # a mutated address of a database may be a relative one
         os.environ["GVLA2_CACHE"] = f"{place}/cache"
         for made in (meshes, robots, runs):
             folder = Path(place, made.__name__)
