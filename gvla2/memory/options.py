@@ -15,8 +15,8 @@ class BankOptions:
     Switches, each of them an ablation of the paper when turned off: ``admission`` (off: unverified lessons of ours are
     admitted too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, or archived for
     the budget, and contradictions stay), ``failures`` (off: nothing is learned from failures). The first two are off by
-    default: they gained nothing in the learnable worlds (docs/results.md). ``retrieval`` is "full", or "semantic", which
-    ranks by similarity alone. ``frozen`` stops learning while recall goes on.
+    default: they gained nothing in the learnable worlds (docs/results.md). ``retrieval`` is "full", or "semantic",
+    which ranks by similarity alone. ``frozen`` stops learning while recall goes on.
 
     ``max_chars`` bounds a context, ``active_budget`` and ``provisional_budget`` the records. Governance retires unused
     failures after ``retire_days``. Replay looks at records with a confidence below ``replay_confidence``.
