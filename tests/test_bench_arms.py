@@ -146,6 +146,27 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
     assert len(named.keys() & places("seeds=[1]", "episodes=2").keys()) == 1
 
 
+def test_other_tasks_than_the_tested_ones_can_be_explored(registry):
+    given = ["tasks=[lamp_on]", "arms=[off,on]", "layouts=[200]", "exploration_seeds=[0,1]"]
+
+    def taught(*also: str) -> tuple[list[tuple[str, object]], str, object]:
+        (design,) = designs(config_of(registry, *given, *also), registry)
+        (tested,) = [one for one in design.plan if one.arm.name == "on"]
+        return (
+            [(one.subject, one.layout) for one in design.exploring],
+            tested.keys[0],
+            tested.factors["learning"],
+        )
+
+    named = "exploration_tasks=[open_jar,put_block]"
+    own, others = taught(), taught(named)
+    assert taught(named, "task_options.lamp_on.scale=1.1")[0] == others[0]
+    assert own[0] == [("lamp_on", 0), ("lamp_on", 1)]
+    assert others[0] == [(task, seed) for task in ("put_block", "open_jar") for seed in (0, 1)]
+    assert own[1] != others[1]
+    assert "open_jar" in str(others[2])
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -153,6 +174,11 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
         (["arms=[off,on]", "exploration_seeds=[20000]"], "higher ones lay out the test"),
         (["arms=[on]", "layouts=[1]", "exploration_seeds=[0,1]"], "explored layout cannot be a test"),
         (["arms=[off,shuffled]"], "name two tasks or more"),
+        (
+            ["arms=[shuffled]", "tasks=[lamp_on,put_block]", "exploration_tasks=[open_jar]"],
+            "no exploration_tasks",
+        ),
+        (["arms=[on]", "world=learnable", "exploration_tasks=[open_jar]"], "leave one out"),
         (["arms=[off]", "tasks=[lamp_of]"], "lamp_on"),
     ],
 )

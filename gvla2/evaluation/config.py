@@ -166,7 +166,8 @@ class RobotBench(MemoryArms, BranchBench):
     some of them joined by "+", or "all". Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the
     layouts themselves.
 
-    Experience comes from ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
+    Experience comes from ``exploration_tasks`` (the tested ones, unless others are named: what is learned there is
+    tested here) in the layouts ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
     spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
     an episode. In an episode of the test the hand tries again what it missed or lost, up to ``second_tries`` times, and
     ``replan`` further attempts are allowed; where the planner fails, ``fallback`` plans, if there is one. With
@@ -195,6 +196,7 @@ class RobotBench(MemoryArms, BranchBench):
     families: int = 2
     stresses: list[str] = field(default_factory=list)
     layouts: list[int] = field(default_factory=list)
+    exploration_tasks: list[str] = field(default_factory=list)
     exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
     exploration: float = 0.25
     exploration_replan: int = 0

@@ -1,7 +1,7 @@
 """The baselines for the governed memory: whole methods after their papers, on one vector store.
 
-``semantic`` keeps every lesson; ``awm`` is Agent Workflow Memory (Wang et al., 2024), ``reasoning_bank`` ReasoningBank
-(Ouyang et al., 2025), ``synapse`` Synapse (Zheng et al., 2024).
+``semantic`` keeps every lesson, ``constants`` the means of what succeeded; ``awm`` is Agent Workflow Memory (Wang et
+al., 2024), ``reasoning_bank`` ReasoningBank (Ouyang et al., 2025), ``synapse`` Synapse (Zheng et al., 2024).
 """
 
 from __future__ import annotations
@@ -49,6 +49,20 @@ def _build_semantic(config: SemanticMemoryConfig, embedder: Embedder) -> Memory:
     from gvla2_plugins.memory_baselines.methods import Semantic
 
     return Semantic.late(config, embedder)
+
+
+@dataclass(kw_only=True)
+class ConstantsConfig(VectorStoreConfig):
+    """Options of the ``constants`` memory; it recalls everything, whatever ``top_k`` is."""
+
+    bank: str = "constants"
+
+
+def _build_constants(config: ConstantsConfig, embedder: Embedder) -> Memory:
+    """Each skill's parameters, averaged over all verified successes: the best constants, without retrieval."""
+    from gvla2_plugins.memory_baselines.methods import Constants
+
+    return Constants.late(config, embedder)
 
 
 @dataclass(kw_only=True)
@@ -100,10 +114,11 @@ def _build_synapse(config: SynapseConfig, embedder: Embedder) -> Memory:
 
 @hookimpl
 def gvla2_memories() -> list[Component[Memory]]:
-    """``memory=semantic``, ``awm``, ``reasoning_bank`` and ``synapse``."""
+    """``memory=semantic``, ``constants``, ``awm``, ``reasoning_bank`` and ``synapse``."""
     both = ("embedder", "inducer")
     return [
         Component("semantic", SemanticMemoryConfig, _build_semantic, needs=("embedder",)),
+        Component("constants", ConstantsConfig, _build_constants, needs=("embedder",)),
         Component("awm", AwmConfig, _build_awm, needs=both),
         Component("reasoning_bank", ReasoningBankConfig, _build_reasoning_bank, needs=both),
         Component("synapse", SynapseConfig, _build_synapse, needs=("embedder",)),

@@ -210,6 +210,32 @@ class Semantic(WholeMethod):
         return render([item for items in entries for item in items], self._config.max_chars)
 
 
+class Constants(WholeMethod):
+    """The mean of each parameter over all verified successes of a skill, for every task: what tuning alone is worth."""
+
+    def drafts(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[list[Draft], str]:
+        """One entry for each parameter of a skill, pooled over all objects and tasks."""
+        if verdict.outcome != "verified_success":
+            return [], "Only verified successes are averaged."
+        found = []
+        for lesson in _values(episode):
+            effect = {k: v for k, v in (lesson.effect or {}).items() if k != "object"}
+            if effect.get("kind") == "prior":
+                about = [str(effect.get(name) or "") for name in ("skill", "parameter", "scale")]
+                words = f"{about[0] or 'Any skill'}: the mean {about[1].replace('_', ' ')} of all successes."
+                found.append(Draft((Lesson("procedural_hint", words, effect),), dump(about)))
+        return found, "" if found else "The episode's lessons have no numbers."
+
+    def nearest(self, text: str, k: int) -> list[tuple[Entry, float]]:
+        """All entries: nothing is retrieved."""
+        self._refresh()
+        return [(entry, 1.0) for entry in self._entries]
+
+    def show(self, entries: Sequence[Sequence[MemoryItem]]) -> str:
+        """One line per parameter."""
+        return render([item for items in entries for item in items], self._config.max_chars)
+
+
 class Exemplars(WholeMethod):
     """The unchanged transcript of each verified success, and its successful numbers."""
 

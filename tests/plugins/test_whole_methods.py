@@ -198,6 +198,24 @@ def test_synapse_shows_whole_trajectories_of_successes(build: Callable):
     assert len(context.text) <= 12000
 
 
+def test_constants_are_the_means_of_all_successes_whatever_the_task(build: Callable):
+    memory = build("constants", top_k=1)
+
+    def lifted(query: str, value: float, **of: str) -> MemoryEpisode:
+        return episode(query, Lesson("procedural_hint", query, EFFECT | {"value": value} | of))
+
+    memory.learn(lifted("lift the red cube", 0.02, object="red"), GOOD)
+    memory.learn(lifted("raise the green cup", 0.04, object="green"), GOOD)
+    memory.learn(lifted("lift the blue cup", 0.09), BAD)
+    memory.learn(lifted("push a box", 0.5, skill="push", scale="length"), GOOD)
+    for query in ("lift the red cube", "日本語"):
+        effects = [dict(item.effect or {}) for item in memory.recall(MemoryTask(query)).items]
+        assert sorted((e["skill"], round(e["value"], 6), e["count"], e.get("object")) for e in effects) == [
+            ("pick", 0.03, 2, None),
+            ("push", 0.5, 1, None),
+        ]
+
+
 def test_nothing_similar_is_an_abstention(build: Callable):
     memory = build("awm")
     assert memory.recall(MemoryTask("lift")).abstained

@@ -193,18 +193,21 @@ def ordered(tasks: Sequence[str]) -> list[str]:
 def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) -> Design:
     """The episodes with their keys, which name everything that could change them."""
     rows = subjects(config, registry)
-    if len(rows) == 1 and any(arm.source == "shuffled" for arm in arms):
-        raise ConfigurationError("The arm 'shuffled' recalls for another task: name two tasks or more.")
+    past_rows = _explored(config, registry, rows)
+    if any(arm.source == "shuffled" for arm in arms) and (len(rows) == 1 or past_rows != rows):
+        raise ConfigurationError(
+            "The arm 'shuffled' recalls for another tested task: name two tasks or more, and no exploration_tasks."
+        )
     tested, exploration = replace(config, stresses=[]), lived(config, registry)
     around, world = _around(tested, registry, rows), world_of(config)
-    explored = list(rows) if any(arm.learns for arm in arms) else []
+    explored = list(past_rows) if any(arm.learns for arm in arms) else []
     how = (config.exploration, config.exploration_replan)
     explorer = BenchArm(EXPLORED, "off", replan=config.exploration_replan)
     seeds = list(dict.fromkeys(config.exploration_seeds))
     half = len(seeds) // 2 if "drift" in stresses_of(config) else 0
-    before = {name: {**task, "drifted": False} for name, task in rows.items()}
+    before = {name: {**task, "drifted": False} for name, task in past_rows.items()}
     exploring = []
-    for some, then in [(seeds[:half], before)] * bool(half) + [(seeds[half:], rows)]:
+    for some, then in [(seeds[:half], before)] * bool(half) + [(seeds[half:], past_rows)]:
         past_world = _around(exploration, registry, then)
         for subject, seed in product(explored, some):
             here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
@@ -231,6 +234,19 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
                 EpisodeUnit(keys, label, tested, subject, task, arm, layout, factors, PROFILES, world)
             )
     return Design(config, rows, plan, exploring)
+
+
+def _explored(
+    config: RobotBench, registry: Registry, rows: Mapping[str, Mapping[str, Any]]
+) -> Mapping[str, Mapping[str, Any]]:
+    """The rows that are explored: those of ``exploration_tasks``, or the tested ones."""
+    if not config.exploration_tasks:
+        return rows
+    if config.world == LEARNABLE:
+        raise ConfigurationError(f"exploration_tasks has no effect in the world {LEARNABLE}: leave one out.")
+    tasks = config.exploration_tasks
+    options = {name: given for name, given in config.task_options.items() if name in tasks}
+    return subjects(replace(config, tasks=tasks, task_options=options), registry)
 
 
 def _around(
@@ -340,7 +356,8 @@ def _given(config: RobotBench) -> str:
 
 def _learning_label(config: RobotBench) -> str:
     """How arms learn, where it is unusual: the exploration, and the components that memories use."""
-    exploring = changed_options(config, ("exploration_seeds", "exploration", "exploration_replan"))
+    how = ("exploration_tasks", "exploration_seeds", "exploration", "exploration_replan")
+    exploring = changed_options(config, how)
     helpers = {kind: getattr(config, kind) for kind in MEMORY[1:]}
     unusual = [
         f"{kind} {described(one)}"
