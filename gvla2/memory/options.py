@@ -80,9 +80,10 @@ class HybridOptions:
     ``top_k_constraints`` constraints and ``programs`` programs of each language, so that none crowds out another.
 
     A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
-    that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the
-    constants of S. ``words_count`` and ``min_evidence`` were calibrated on tests/benchmarks/memory/data, for static and
-    MiniLM alike.
+    that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. Reliable records that
+    have less than ``min_share`` of the best one's evidence are about something else: by their confidence alone they
+    would push out what is asked for. ``weights`` are the constants of S. ``words_count`` and ``min_evidence`` were
+    calibrated on tests/benchmarks/memory/data, for static and MiniLM alike.
 
     A record from a different geometry never applies: those of the numbers ``essential`` that both scenes have may
     differ by ``max_difference`` of the larger one.
@@ -94,12 +95,13 @@ class HybridOptions:
     lexical_weight: float = 0.6
     cosine_weight: float = 0.4
     top_k: int = 3
-    top_k_constraints: int = 3
+    top_k_constraints: int = 6
     programs: int = 2
     words_count: float = 0.15
     min_evidence: float = 0.3
     min_words: float = 0.5
     min_score: float = 1.2
+    min_share: float = 0.5
     max_difference: float = 0.5
     essential: list[str] = field(default_factory=lambda: ["theme_length", "theme_width", "theme_height"])
     same_words: float = 0.8

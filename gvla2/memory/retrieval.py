@@ -76,6 +76,8 @@ class HybridRetriever:
         if (best := scores.max()) < options.min_score:
             best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is required"
             return (), f"{len(rows)} records are about this, none reliable enough: {best_is}."
+        fits = evidence[rows]
+        scores[fits < options.min_share * fits[scores >= options.min_score].max()] = -np.inf
         return [
             Ranked(int(rows[i]), float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
             for i in self._chosen(rows, scores, candidates)

@@ -54,7 +54,8 @@ def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> lis
         known = record.signature_json()
         if task.skill and record.skill and record.skill != task.skill:
             continue
-        if cosine + options.words_count * lexical < options.min_evidence and lexical < options.min_words:
+        evidence = cosine + options.words_count * lexical
+        if evidence < options.min_evidence and lexical < options.min_words:
             continue
         if any(
             (signature_distance({n: task.signature[n]}, {n: known[n]}) or 0.0) > options.max_difference
@@ -62,13 +63,13 @@ def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> lis
             if n in task.signature and n in known
         ):
             continue
-        found.append((i, options.lexical_weight * lexical + options.cosine_weight * cosine))
-    best = max((relevance for _, relevance in found), default=1.0)
-    scored = [(i, relevance / best + prior(task, bank, i, options.weights)) for i, relevance in found]
-    return sorted(
-        (entry for entry in scored if entry[1] >= options.min_score),
-        key=lambda e: (-e[1], bank.record(e[0]).id),
-    )
+        found.append((i, options.lexical_weight * lexical + options.cosine_weight * cosine, evidence))
+    best = max((relevance for _, relevance, _ in found), default=1.0)
+    scored = [(i, r / best + prior(task, bank, i, options.weights), evidence) for i, r, evidence in found]
+    reliable = [entry for entry in scored if entry[1] >= options.min_score]
+    nearest = max((evidence for _, _, evidence in reliable), default=0.0)
+    about = [(i, score) for i, score, evidence in reliable if evidence >= options.min_share * nearest]
+    return sorted(about, key=lambda e: (-e[1], bank.record(e[0]).id))
 
 
 def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> float:
@@ -210,6 +211,19 @@ def test_a_stricter_bound_is_shown_beside_one_that_says_the_same_otherwise() -> 
         confidence=[1.0, 0.9, 0.8],
     )
     assert [r.row for r in rank("unscrew the yellow cap of the cyan bottle", bank)[0]] == [0, 1]
+
+
+def test_what_is_sure_but_about_something_else_takes_no_place() -> None:
+    asked = "unscrew the gray lid of the orange jar"
+    others = [f"unscrew the cap of the bottle by the {place}" for place in ("sink", "door", "stove", "wall")]
+    bank = candidates(
+        [*others, asked], confidence=[1.0] * 4 + [0.0], type=["failure_avoidance"] * 5, ages=[0.0] * 5
+    )
+    loose = {"min_score": 1.0, "top_k_constraints": 3}
+    assert [r.row for r in rank(asked, bank, **loose)[0]] == [4]
+    assert 4 not in {r.row for r in rank(asked, bank, **loose, min_share=0.0)[0]}
+    # Relative to what is reliable: what is not pushes nothing out.
+    assert rank(asked, bank)[0]
 
 
 def test_semantic_is_cosine_alone() -> None:

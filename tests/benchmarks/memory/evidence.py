@@ -78,7 +78,9 @@ def _conversation(entry: Mapping[str, Any]) -> Conversation:
 def through_bank(conversation: Conversation, embedder: Embedder) -> list[float]:
     """The share of each question's evidence among the first ``TOP`` turns that a bank recalls."""
     verdict = Verdict.from_criteria({"said": 1.0}, verifier="measuring")
-    everything = HybridOptions(top_k=TOP, top_k_constraints=0, min_evidence=-1.0, min_score=-9.0)
+    everything = HybridOptions(
+        top_k=TOP, top_k_constraints=0, min_evidence=-1.0, min_score=-9.0, min_share=0.0
+    )
     turns: dict[str, set[str]] = {}
     for id, text in zip(conversation.ids, conversation.texts, strict=True):
         turns.setdefault(text, set()).add(id)
