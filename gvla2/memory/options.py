@@ -89,7 +89,7 @@ class HybridOptions:
     differ by ``max_difference`` of the larger one.
 
     Records that share ``same_words`` of the words of both say the same and count once, unless they are about
-    different parameters, or are different programs.
+    different parameters or looks of objects, or are different programs.
     """
 
     lexical_weight: float = 0.6

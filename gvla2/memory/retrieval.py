@@ -143,11 +143,11 @@ def _wording(content: str) -> frozenset[str]:
 
 
 def _parameter(record: Record) -> str:
-    """The parameter of an effect; a program stands for itself."""
+    """The parameter of an effect, and the look that it is about; a program stands for itself."""
     effect = record.effect_json() or {}
     if effect.get("kind") == "program":
         return dump(effect)
-    return dump([str(effect.get(name, "")) for name in ("kind", "parameter", "op", "skill")])
+    return dump([str(effect.get(name, "")) for name in ("kind", "parameter", "op", "skill", "object")])
 
 
 def _stricter(first: Record, second: Record) -> bool:

@@ -213,6 +213,19 @@ def test_a_stricter_bound_is_shown_beside_one_that_says_the_same_otherwise() -> 
     assert [r.row for r in rank("unscrew the yellow cap of the cyan bottle", bank)[0]] == [0, 1]
 
 
+def test_the_bound_of_the_asked_objects_look_is_shown_beside_another_looks_stricter_one() -> None:
+    words = "Unscrew a flat small gray disc of the {} object from the top: failed because it was not turned enough."
+    bound = {"kind": "bound", "parameter": "turn", "skill": "twist", "op": ">="}
+    looks = {"red": 3.7, "orange": 3.4}
+    bank = candidates(
+        [words.format(look) for look in looks],
+        effect=[{**bound, "value": value, "object": f"gray on {look}"} for look, value in looks.items()],
+        type=["failure_avoidance"] * 2,
+        confidence=[1.0, 0.6],
+    )
+    assert {r.row for r in rank("unscrew the gray disc of the orange object", bank)[0]} == {0, 1}
+
+
 def test_what_is_sure_but_about_something_else_takes_no_place() -> None:
     asked = "unscrew the gray lid of the orange jar"
     others = [f"unscrew the cap of the bottle by the {place}" for place in ("sink", "door", "stove", "wall")]
