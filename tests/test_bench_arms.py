@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gvla2.commands.bench import as_overrides
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.arms import chosen_arms
 from gvla2.evaluation.suites.robot_design import designs, subjects, world_of
 from gvla2.reconstruction.options import VARIANTS
@@ -144,6 +144,22 @@ def test_a_named_layout_is_the_episode_of_the_seed_that_lays_it_out(registry):
     named = places("layouts=[20001,203]")
     assert list(named.values()) == [(1, 1), ("layouts", 203)]
     assert len(named.keys() & places("seeds=[1]", "episodes=2").keys()) == 1
+
+
+def test_another_planner_can_explore(registry):
+    given = ["tasks=[lamp_on]", "arms=[off,on]", "layouts=[200]", "exploration_seeds=[0]", "planner=agent3d"]
+    (own,) = designs(config_of(registry, *given), registry)
+    (taught,) = designs(config_of(registry, *given, "exploration_planner=skill"), registry)
+    for design, explorer in ((own, "agent3d"), (taught, "skill")):
+        assert design.exploring[0].config.planner.name == explorer
+        assert str(design.exploring[0].factors["planner"]).startswith(explorer)
+        assert {one.config.planner.name for one in design.plan} == {"agent3d"}
+    assert [one.keys for one in own.plan if one.arm.name == "off"] == [
+        one.keys for one in taught.plan if one.arm.name == "off"
+    ]
+    assert "exploration_planner=skill" in str(taught.plan[1].factors["learning"])
+    with pytest.raises(Gvla2Error, match="skil"):
+        designs(config_of(registry, *given, "exploration_planner=skil"), registry)
 
 
 def test_other_tasks_than_the_tested_ones_can_be_explored(registry):

@@ -159,21 +159,21 @@ class RobotBench(MemoryArms, BranchBench):
     ``distractors``; ``sentences`` are the tasks' "own" or, drawn by the layout, "unseen" ones by strangers, where there
     are some; with ``scans``, a folder of meshes or "auto" for YCB-30 if it is installed, the task of scanned objects
     joins the default ones. The Hydra group ``conditions`` sets these three and the cameras: everyday, or clean.
-    ``arms`` are by default
-    ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of every task belong to
-    ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a different world.
-    There the arms are measured under each of ``stresses``: "none", "verifier", "drift", "import", "crowd", "twins",
-    some of them joined by "+", or "all". Each of ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the
-    layouts themselves.
+    ``arms`` are by default ``off``, ``on``, ``shuffled`` and ``semantic``. In the ``world`` learnable the objects of
+    every task belong to ``families`` that each behave in their own way (docs/learnable_worlds.md), and each seed is a
+    different world. There the arms are measured under each of ``stresses``: "none", "verifier", "drift", "import",
+    "crowd", "twins", "unjudged", some of them joined by "+", or "all". Each of ``seeds`` lays out ``episodes``, or
+    ``layouts`` names the seeds of the layouts themselves.
 
-    Experience comes from ``exploration_tasks`` (the tested ones, unless others are named: what is learned there is
-    tested here) in the layouts ``exploration_seeds``, where the planner varies its plans by ``exploration`` (a relative
-    spread, or a model's temperature), and is frozen before the test; it may try again ``exploration_replan`` times in
-    an episode. In an episode of the test the hand tries again what it missed or lost, up to ``second_tries`` times, and
-    ``replan`` further attempts are allowed; where the planner fails, ``fallback`` plans, if there is one. With
-    ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose language
-    model was unavailable: it counts for no arm, and the next bench measures it again. The reconstruction branch runs
-    where a ``reconstructor`` is chosen. A ``policy`` stands beside planners in the tables; its arm is ``off``.
+    Experience comes from the layouts ``exploration_seeds`` of ``exploration_tasks`` (the tested ones, unless others are
+    named), where the planner, or the ``exploration_planner`` of that name with its defaults, varies its plans by
+    ``exploration`` (a relative spread, or a model's temperature) and may try again ``exploration_replan`` times in an
+    episode; it is frozen before the test. In an episode of the test the hand tries again what it missed or lost, up to
+    ``second_tries`` times, and ``replan`` further attempts are allowed; where the planner fails, ``fallback`` plans, if
+    there is one. With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is
+    one whose language model was unavailable: it counts for no arm, and the next bench measures it again. The
+    reconstruction branch runs where a ``reconstructor`` is chosen. A ``policy`` stands beside planners in the tables;
+    its arm is ``off``.
 
     ``films`` are kept of "none" of the test's episodes, of "failures", or of "all": each is the folder of a run. Tasks
     named SUITE/NUMBER are also counted by suite and by ``groups`` of suites, beside ``published`` results: by system,
@@ -197,6 +197,7 @@ class RobotBench(MemoryArms, BranchBench):
     stresses: list[str] = field(default_factory=list)
     layouts: list[int] = field(default_factory=list)
     exploration_tasks: list[str] = field(default_factory=list)
+    exploration_planner: str = ""
     exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
     exploration: float = 0.25
     exploration_replan: int = 0

@@ -212,7 +212,7 @@ def _design(config: RobotBench, registry: Registry, arms: Sequence[BenchArm]) ->
         for subject, seed in product(explored, some):
             here: dict[str, str | int] = {"task": subject, "arm": EXPLORED, "seed": seed}
             keys: tuple[str, ...] = (cell_key(EXPLORATION, here, past_world[subject], *how),)
-            factors = {**here, "planner": planner_label(config)}
+            factors = {**here, "planner": planner_label(exploration)}
             unit = EpisodeUnit(
                 keys, f"{subject}, {EXPLORED}", exploration, subject, then[subject], explorer, seed, factors
             )
@@ -356,7 +356,7 @@ def _given(config: RobotBench) -> str:
 
 def _learning_label(config: RobotBench) -> str:
     """How arms learn, where it is unusual: the exploration, and the components that memories use."""
-    how = ("exploration_tasks", "exploration_seeds", "exploration", "exploration_replan")
+    how = [name for name in vars(config) if name.startswith("exploration")]
     exploring = changed_options(config, how)
     helpers = {kind: getattr(config, kind) for kind in MEMORY[1:]}
     unusual = [

@@ -45,7 +45,10 @@ def stresses_of(config: RobotBench) -> frozenset[str]:
 
 
 def lived(config: RobotBench, registry: Registry) -> RobotBench:
-    """The configuration of exploration, and of the banks: with the verifier that the stresses make."""
+    """The configuration of exploration, and of the banks: with its planner, and the verifier that the stresses make."""
+    if config.exploration_planner:
+        planner, _ = registry.configure({"planner": {"name": config.exploration_planner}}, "planner")
+        config = replace(config, planner=planner)
     stresses = stresses_of(config)
     shares = {"rate": WRONG * ("verifier" in stresses), "withheld": WITHHELD * ("unjudged" in stresses)}
     if not any(shares.values()):
