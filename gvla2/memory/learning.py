@@ -347,7 +347,7 @@ def _activate(
 
 def govern(ledger: LessonLedger) -> None:
     """Archive stale failures, all but a few programs for the same purpose, and records beyond the budgets: first those
-    that never helped, and of these the ones that were longest neither learned, confirmed nor recalled with success.
+    that neither helped nor were confirmed by a second episode, and of these the ones that were longest untouched.
     """
     options, programs = ledger.options, defaultdict[str, list[Record]](list)
     for record in ledger.index.records("active"):
@@ -363,6 +363,6 @@ def govern(ledger: LessonLedger) -> None:
     for state, budget in (("active", options.active_budget), ("provisional", options.provisional_budget)):
         if (surplus := len(held := ledger.index.records(state)) - budget) > 0:
             # Segmented LRU. The released score keeps what is confident instead: a full bank then learns nothing new.
-            held.sort(key=lambda one: (one.usage > 0, max(one.updated, one.used), one.confidence, one.id))
+            held.sort(key=lambda r: (r.usage > 0 or r.count > 1, max(r.updated, r.used), r.confidence, r.id))
             for record in held[:surplus]:
                 ledger.archive(record, "ARCHIVE", f"beyond the budget of {budget} records")

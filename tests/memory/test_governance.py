@@ -17,18 +17,18 @@ def many_lessons(count: int, seed: int = 0) -> list[tuple[Lesson, str]]:
     return [(Lesson("procedural_hint", one.content), one.query) for one in records(count, seed)]
 
 
-def test_beyond_the_budget_what_never_helped_goes_first_and_the_oldest_of_it(
+def test_beyond_the_budget_what_was_neither_helpful_nor_confirmed_goes_first_and_the_oldest_of_it(
     open_bank: Open, episode: Open, verdicts: Any, clock: Any
 ) -> None:
-    bank = open_bank(active_budget=4)
+    bank = open_bank(active_budget=5)
     recalled = None
-    for part in ("lid", "hinge", "button", "handle", "drawer", "cap"):
+    for part in ("lid", "knob", "knob", "hinge", "button", "handle", "drawer", "cap"):
         clock.now += 60
         avoid = Lesson("failure_avoidance", f"Moving the {part}: failed because it was loose.")
         bank.learn(episode(f"Move the {part}", avoid, skill="", recalled=recalled), verdicts["success"])
         recalled = bank.recall(MemoryTask("Move the lid")) if part == "lid" else None
     kept = [record.content.split()[2].rstrip(":") for record in bank.records(["active"])]
-    assert sorted(kept) == ["cap", "drawer", "handle", "lid"]
+    assert sorted(kept) == ["cap", "drawer", "handle", "knob", "lid"]
 
 
 def test_stale_failures_that_nobody_used_retire(
