@@ -194,7 +194,7 @@ def test_other_tasks_than_the_tested_ones_can_be_explored(registry):
             ["arms=[shuffled]", "tasks=[lamp_on,put_block]", "exploration_tasks=[open_jar]"],
             "no exploration_tasks",
         ),
-        (["arms=[on]", "world=learnable", "exploration_tasks=[open_jar]"], "leave one out"),
+        (["arms=[on]", "world=learnable", "exploration_tasks=[open_jar]"], "leave exploration_tasks out"),
         (["arms=[off]", "tasks=[lamp_of]"], "lamp_on"),
     ],
 )

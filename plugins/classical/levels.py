@@ -17,6 +17,7 @@ STEEP, LEVEL = 0.05, 0.97  # upward share of its normal: between that of an upri
 TURNED = 0.15  # radians that its lower edge may rise
 LEAST_LEAN, MOST_LEAN = 0.03, 0.35  # radians: a block leans, and does not lie
 MOST_POINTS = 1000  # that the smallest box is made about
+FINEST = 1e-6  # metres: points that spread less across a line lie on it
 
 
 def leaning_plate(obj: SeenObject) -> SeenObject | None:
@@ -66,7 +67,11 @@ def leant(obj: SeenObject, axis: FloatArray) -> SeenObject:
 
 
 def _axes_of_box(points: FloatArray) -> FloatArray:
-    """(3, 3) unit axes, as columns, of the smallest box about points (N, 3)."""
+    """(3, 3) unit axes, as columns, of the smallest box about points (N, 3), N > 0; any about a line of them."""
+    off = points - points.mean(axis=0)
+    spread, axes = np.linalg.eigh(off.T @ off / len(off))
+    if spread[1] < FINEST**2:
+        return axes
     box_from_here, _ = oriented_bounds(evenly(points, MOST_POINTS))
     return np.asarray(box_from_here[:3, :3].T, dtype=np.float64)
 

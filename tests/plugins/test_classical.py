@@ -12,7 +12,9 @@ from gvla2.geometry.transform import rigid, transform_points
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
+from gvla2_plugins.classical.levels import lean_of, leaning_plate
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
+from gvla2_plugins.classical.solids import SeenObject
 from tests.benchmarks.perception import score
 from tests.plugins.rendered_table import (
     ROBOT_ID,
@@ -289,3 +291,16 @@ def test_a_round_hole_is_as_wide_as_it_is_and_the_ring_lies_as_its_handle():
     assert nut.opening == pytest.approx(0.06, abs=0.005)
     along = nut.world_from_object[:2, 0]
     assert abs(along @ [np.cos(yaw), np.sin(yaw)]) > 0.99
+
+
+@pytest.mark.parametrize(
+    "points",
+    [[[0, 0, 0.1]], [[0, 0, 0.1], [0.1, 0, 0.1]], [[0, 0, z] for z in (0.0, 0.1, 0.2)]],
+    ids=["one", "two", "a line"],
+)
+def test_a_block_of_which_almost_nothing_is_seen_stands_upright(points):
+    seen = np.array(points, dtype=np.float64)
+    solid = (seen.mean(axis=0), 0.0, np.array([0.1, 0.1, 0.2]), 1.0)
+    block = SeenObject("box", np.arange(len(seen)), seen, *solid)
+    assert lean_of(block).tolist() == [0.0, 0.0, 1.0]
+    assert leaning_plate(block) is None

@@ -243,7 +243,9 @@ def _explored(
     if not config.exploration_tasks:
         return rows
     if config.world == LEARNABLE:
-        raise ConfigurationError(f"exploration_tasks has no effect in the world {LEARNABLE}: leave one out.")
+        raise ConfigurationError(
+            f"The world {LEARNABLE} explores its own families: leave exploration_tasks out."
+        )
     tasks = config.exploration_tasks
     options = {name: given for name, given in config.task_options.items() if name in tasks}
     return subjects(replace(config, tasks=tasks, task_options=options), registry)
