@@ -140,7 +140,7 @@ class KnowledgeBank(OpenBank, Closing):
             return Learned(discarded=len(episode.lessons), notes=(frozen,))
         with self._lock:
             learned = learn(self, episode, verdict)
-            if self._judge is not None and self.options.governance:
+            if self._judge is not None:
                 review.judge(self, self._judge, learned.added)
             if self._verifier is not None and self.options.replay:
                 review.replay(self, self._verifier, but=episode.source)

@@ -1,7 +1,7 @@
 """New lessons, with an episode or without: which may be stored, and what they change, in one transaction.
 
 Each lesson is added, merged into a record that says the same, replaces one that its typed effect contradicts, is held
-back as provisional, or is discarded; governance then decides what the bank keeps. Nothing is ever deleted here.
+back as provisional, or is discarded; budgets then decide what the bank keeps. Nothing is ever deleted here.
 """
 
 from __future__ import annotations
@@ -239,8 +239,7 @@ def _store_lessons(ledger: LessonLedger, drafts: Drafts, fates: list[Learned]) -
             known = ledger.transaction.episodes([one.episode.source]).get(one.episode.source)
             touched = [record.id for record, _ in some]
             ledger.transaction.save_episode(_kept(known, one, touched, ledger.now))
-    if ledger.options.governance:
-        govern(ledger)
+    govern(ledger)
 
 
 def _credit(ledger: LessonLedger, context: MemoryContext, verdict: Verdict) -> None:
@@ -346,13 +345,14 @@ def _activate(
 
 
 def govern(ledger: LessonLedger) -> None:
-    """Archive stale failures, all but a few programs for the same purpose, and records beyond the budgets: first those
-    that neither helped nor were confirmed by a second episode, and of these the ones that were longest untouched.
+    """Archive all but a few programs for the same purpose, and records beyond the budgets: first those that neither
+    helped nor were confirmed by a second episode, and of these the ones that were longest untouched. Archive stale
+    failures where the bank has ``governance``.
     """
     options, programs = ledger.options, defaultdict[str, list[Record]](list)
     for record in ledger.index.records("active"):
         old = ledger.now - max(record.updated, record.used) >= options.retire_days * SECONDS_PER_DAY
-        if old and not record.usage and record.outcome != "verified_success":
+        if options.governance and old and not record.usage and record.outcome != "verified_success":
             ledger.archive(record, "RETIRE", f"a failure unused for {options.retire_days:g} days")
         elif "program" in record.effect and (effect := record.effect_json() or {}).get("kind") == "program":
             purpose = dump([record.type, *(effect.get(name) for name in ("skill", "language", "roles"))])

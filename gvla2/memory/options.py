@@ -12,11 +12,11 @@ from gvla2.errors import ConfigurationError
 class BankOptions:
     """What a bank admits, shows and keeps.
 
-    Switches, each of them an ablation of the paper when turned off: ``admission`` (off: unverified lessons of ours are
-    admitted too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, or archived for
-    the budget, and contradictions stay), ``failures`` (off: nothing is learned from failures). The first two are off by
-    default: they gained nothing in the learnable worlds (docs/results.md). ``retrieval`` is "full", or "semantic",
-    which ranks by similarity alone. ``frozen`` stops learning while recall goes on.
+    Switches, each of them a part of the paper's bank: ``admission`` (off: unverified lessons of ours are admitted too),
+    ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, and contradictions stay),
+    ``failures`` (off: nothing is learned from failures). The first three are off by default: none of them gained
+    anything sure in the learnable worlds (docs/results.md). ``retrieval`` is "full", or "semantic", which ranks by
+    similarity alone. ``frozen`` stops learning while recall goes on.
 
     ``max_chars`` bounds a context, ``active_budget`` and ``provisional_budget`` the records. Governance retires unused
     failures after ``retire_days``. Replay looks at records with a confidence below ``replay_confidence``.
@@ -24,7 +24,7 @@ class BankOptions:
 
     admission: bool = False
     replay: bool = False
-    governance: bool = True
+    governance: bool = False
     failures: bool = True
     retrieval: str = "full"
     frozen: bool = False

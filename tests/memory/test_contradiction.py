@@ -74,7 +74,7 @@ def test_effects_that_fit_or_cannot_be_compared(first: dict[str, Any], second: d
 
 
 def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
+    bank = open_bank(governance=True)
     at_least = Lesson("procedural_hint", "Lift it at least 15 cm.", bound(">=", 0.15))
     at_most = Lesson("procedural_hint", "Lift it at most 5 cm.", bound("<=", 0.05))
     (old,) = bank.admit(at_least, verdicts["success"], task="cup", trusted=True).added

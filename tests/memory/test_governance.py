@@ -34,7 +34,7 @@ def test_beyond_the_budget_what_was_neither_helpful_nor_confirmed_goes_first_and
 def test_stale_failures_that_nobody_used_retire(
     open_bank: Open, episode: Open, verdicts: Any, clock: Any
 ) -> None:
-    bank = open_bank()
+    bank = open_bank(governance=True)
     avoid = Lesson("failure_avoidance", "Moving the jar: failed because the lid was loose.")
     used = Lesson("failure_avoidance", "Moving the lamp: failed because the cable was short.")
     tool = Lesson("tool_usage", "The crane needs air.")
@@ -50,6 +50,21 @@ def test_stale_failures_that_nobody_used_retire(
     assert "jar" in gone.content
     assert "14 days" in gone.note
     assert [e.action for e in look(bank.store, bank.bank).history(gone.id)][-1] == "RETIRE"
+
+
+def test_without_governance_nothing_retires_and_contradicting_lessons_both_stay(
+    open_bank: Open, episode: Open, verdicts: Any, clock: Any
+) -> None:
+    bank = open_bank()
+    effect = {"kind": "bound", "parameter": "lift", "op": ">=", "value": 0.15}
+    high = Lesson("procedural_hint", "Lift it at least 15 cm.", effect)
+    low = Lesson("procedural_hint", "Lift it at most 5 cm.", {**effect, "op": "<=", "value": 0.05})
+    avoid = Lesson("failure_avoidance", "Moving the jar: failed because the lid was loose.")
+    for lesson, verdict in ((high, "success"), (low, "success"), (avoid, "fail")):
+        bank.learn(episode("Lift the cup", lesson, skill=""), verdicts[verdict])
+        clock.pass_days(30)
+    assert [record.state for record in bank.records()] == ["active"] * 3
+    assert look(bank.store, bank.bank).links() == []
 
 
 def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any) -> None:

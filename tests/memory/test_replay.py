@@ -76,7 +76,7 @@ def test_an_unavailable_verifier_changes_nothing(open_bank: Open, verdicts: Any,
 
 
 def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank(admission=True, replay=True)
+    bank = open_bank(admission=True, replay=True, governance=True)
     bank.learn(learned("run/1", PULLED), verdicts["success"])
     bank.learn(learned("run/2", NEVER), verdicts["fail"])
     assert [link.kind for link in look(bank.store, bank.bank).links()] == ["conflict"]
@@ -88,7 +88,7 @@ def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verd
 
 
 def test_one_doubtful_verdict_does_not_overthrow_many_episodes(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank(admission=True, replay=True)
+    bank = open_bank(admission=True, replay=True, governance=True)
     for i in range(9):
         bank.learn(learned(f"run/{i}", PULLED), verdicts["success"])
     bank.learn(learned("other", NEVER), verdicts["fail"])
@@ -118,7 +118,7 @@ def test_replay_has_to_be_switched_on(open_bank: Open, verdicts: Any) -> None:
 
 
 def test_of_a_promoted_record_and_one_that_contradicts_it_one_stays(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank(admission=True, replay=True)
+    bank = open_bank(admission=True, replay=True, governance=True)
     other = Lesson(HINT.type, "Pull the drawer far.", {**PULLED.effect, "value": 0.9})
     (first,) = bank.learn(learned("run/1", PULLED), verdicts["success"]).added
     (second,) = bank.learn(learned("run/2", other), verdicts["uncertain"]).provisional

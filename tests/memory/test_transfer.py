@@ -19,7 +19,7 @@ BOUND = {"kind": "bound", "parameter": "lift", "op": ">=", "value": 0.15}
 @pytest.fixture
 def file(open_bank: Open, verdicts: Any, tmp_path: Path) -> Path:
     """An export of five records: two active ones of ours, two provisional, one archived."""
-    bank = open_bank("first")
+    bank = open_bank("first", governance=True)
     low = Lesson("procedural_hint", "Lift it at most 5 cm.", {**BOUND, "op": "<=", "value": 0.05})
     bank.admit(low, verdicts["success"], task="lift the cup", trusted=True)
     bank.admit(Lesson(low.type, "Lift it at least 15 cm.", BOUND), verdicts["success"], task="lift the cup",

@@ -12,6 +12,7 @@ import pytest
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson
+from gvla2.memory.options import BankOptions
 from gvla2.memory.tables import TABLES
 from gvla2.memory.view import Problem
 
@@ -23,7 +24,7 @@ ODD = (b"\xff\xfe", b"", "", "much", "'", "[]", "{}", '{"id":1}', "NaN", -1, 2**
 def sound(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The file of a bank with records, links and episodes."""
     path = tmp_path_factory.mktemp("bank") / "m.db"
-    with KnowledgeBank(path) as bank:
+    with KnowledgeBank(path, options=BankOptions(governance=True)) as bank:
         for i, number in enumerate((15, 12, 20, 30)):
             bank.learn(f"lift cup {i}", f"$ lift --cm {number}", success=True, source=f"run/{i}")
         for text in ("Always open the drawer slowly.", "Never open the drawer slowly.", "Städte sortieren."):
