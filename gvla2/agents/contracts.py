@@ -65,9 +65,10 @@ class EnvironmentFailedError(Gvla2Error):
 class AgentRun:
     """What an agent did.
 
-    ``messages`` are the conversation, role and content, as plain JSON; ``steps`` the commands that it ran;
-    ``exit_status`` as reported by the agent ("Submitted", "LimitsExceeded"); ``seconds`` of wall clock. ``usage``
-    counts ``calls``, ``prompt_tokens`` and ``completion_tokens``, those of cached answers too.
+    ``messages`` are the conversation as plain JSON: role and content, and in an observation what the command printed,
+    its ``output``, if the content has more than that; ``steps`` the commands that it ran; ``exit_status`` as reported
+    by the agent ("Submitted", "LimitsExceeded"); ``seconds`` of wall clock. ``usage`` counts ``calls``,
+    ``prompt_tokens`` and ``completion_tokens``, those of cached answers too.
     """
 
     messages: tuple[Mapping[str, Any], ...]

@@ -191,9 +191,9 @@ def _number(reward: str) -> float:
 
 def transcript(run: AgentRun) -> str:
     """The transcript of a run as a shell session: each command, and the head and tail of its output."""
-    lines: list[str] = []
+    lines = [f"The agent ended with: {run.exit_status or 'nothing'}"]
     for message in run.messages[2:]:  # the first two are the prompts
-        content = str(message.get("content", "")).strip()
+        content = str(message.get("output", message.get("content", ""))).strip()
         if message.get("role") == "assistant":
             # The fenced blocks, one line each, without their language; prose is left out.
             blocks = [block.partition("\n")[2].split() for block in content.split("```")[1::2]]
@@ -202,5 +202,4 @@ def transcript(run: AgentRun) -> str:
             half = LONGEST_OUTPUT // 2
             long = len(content) > LONGEST_OUTPUT
             lines.append(f"{content[:half]} [...] {content[-half:]}" if long else content)
-    lines.append(f"The agent ended with: {run.exit_status or 'nothing'}")
     return "\n".join(lines)

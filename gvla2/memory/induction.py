@@ -52,7 +52,8 @@ class RulesInducer:
     """Deterministic induction without a language model.
 
     An episode's own lessons are taken unchanged. Without any, a success gives its steps as a hint, and a failure its
-    last error as a constraint; an unjudged outcome is treated as a success, which admission keeps provisional.
+    last error as a constraint, else what the last command of a shell session printed. An unjudged outcome is treated as
+    a success, which admission keeps provisional.
     """
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
@@ -65,13 +66,30 @@ class RulesInducer:
         if verdict.outcome == "verified_fail":
             trouble = [line.strip() for line in episode.transcript.splitlines() if _TROUBLE.search(line)]
             if trouble:
-                # What went wrong, not a tool's advice about it.
-                cause = _FURTHER.split(trouble[-1], maxsplit=1)[0][:MAX_STEP]
-                return _bounded("failure_avoidance", f"{subject}: failed because of: {cause}")
+                return _bounded("failure_avoidance", f"{subject}: failed because of: {_cut(trouble[-1])}")
+            if answered := _answered(episode.transcript):
+                act, answer = answered
+                return _bounded("failure_avoidance", f"{subject}: failed; {act} printed: {answer}")
             why = f"{subject}: failed although it ended with: {steps[-1]}" if steps else ""
             return _bounded("failure_avoidance", why)
         how = f"{subject}: these steps led to the end: {'; '.join(steps)}" if steps else ""
         return _bounded("procedural_hint", how)
+
+
+def _cut(line: str) -> str:
+    """What went wrong, not a tool's advice about it: the first sentence."""
+    return _FURTHER.split(line, maxsplit=1)[0][:MAX_STEP]
+
+
+def _answered(transcript: str) -> tuple[str, str] | None:
+    """The last command of a shell session that printed something, and the first sentence of that."""
+    act, last = "", None
+    for line in transcript[:_LONGEST].splitlines():
+        if command := _MARKED[-1].match(line):
+            act = command[1]
+        elif act and line.strip():
+            act, last = "", (act[:MAX_STEP], _cut(line.strip()))
+    return last
 
 
 def _steps(transcript: str) -> list[str]:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from gvla2.language.contracts import LanguageModel
 
 LEAST = {"context": 256, "slots": 1, "threads": 0, "gpu_layers": 0}
+PROMPTS_MIB = 1024
+"""Memory for earlier prompts besides the model's context; llama.cpp's own 8 GiB are more than many machines have."""
 _starting = threading.Lock()
 
 
@@ -103,6 +105,7 @@ def _server(files: tuple[Path, ...], context: int, slots: int, threads: int, gpu
         asked.mmproj.path = str(files[1])
     asked.port, asked.ui, asked.n_gpu_layers, asked.verbosity = 0, False, gpu_layers, 1  # 1: errors
     asked.n_parallel, asked.n_ctx = slots, slots * context
+    asked.cache_ram_mib = PROMPTS_MIB
     for pool in (asked.cpuparams, asked.cpuparams_batch):
         # The simulator computes between the questions: waiting threads must not spin.
         pool.n_threads, pool.poll = threads, 0

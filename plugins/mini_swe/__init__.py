@@ -86,14 +86,19 @@ class MiniSwe:
         begun = time.monotonic()
         ended = agent.run(f"{task.instruction}\n\n{knowledge}" if knowledge else task.instruction)
         return AgentRun(
-            messages=tuple(
-                {name: str(m.get(name, "")) for name in ("role", "content")} for m in agent.messages
-            ),
+            messages=tuple(map(_plain, agent.messages)),
             steps=bridge.steps,
             exit_status=str(ended.get("exit_status", "")),
             seconds=time.monotonic() - begun,
             usage=bridge.usage,
         )
+
+
+def _plain(message: Mapping[str, Any]) -> dict[str, str]:
+    """A message of the conversation, with what the command printed where it is an observation."""
+    kept = {name: str(message.get(name, "")) for name in ("role", "content")}
+    printed = message.get("extra", {}).get("raw_output")
+    return kept if printed is None else {**kept, "output": str(printed)}
 
 
 @dataclass

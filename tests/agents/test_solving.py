@@ -45,6 +45,17 @@ def test_a_success_teaches_what_another_task_of_its_family_is_told(sandboxed, tm
     assert "data, not orders" in prompts[-1]
 
 
+@pytest.mark.parametrize("prompts", ["", str(OURS / "short.yaml")])
+def test_a_failure_teaches_what_the_program_printed_last(sandboxed, tmp_path: Path, prompts: str):
+    with LocalModel(giving(RIGHT)) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+        assert not tried("deposit-letters", model.url, bank, prompts=prompts).solved
+        (lesson,) = bank.records()
+    assert lesson.type == "failure_avoidance"
+    assert lesson.content.endswith(
+        "failed; bash bin/deposit letters printed: deposit: dry run, nothing was stored"
+    )
+
+
 @pytest.mark.parametrize(
     ("answer", "ended", "steps"),
     [

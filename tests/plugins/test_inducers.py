@@ -91,3 +91,19 @@ def test_reading_answers() -> None:
     for wrong in ("none", "[" * 100_000, '{"type": "tool_usage", "content": "x"}'):
         with pytest.raises(ValueError, match="It"):
             read_lessons(wrong, SUCCESS, 4)
+
+
+@pytest.mark.parametrize(
+    ("transcript", "why"),
+    [
+        ("$ make\nmake: error: no rule. Add one.\n$ ls\nMakefile", " because of: make: error: no rule"),
+        (
+            "$ book hall\n\nbook: 3 is no date. Dates have dots.\nbye\n$ ls",
+            "; book hall printed: book: 3 is no date",
+        ),
+        ("$ touch a\n$ true", " although it ended with: true"),
+    ],
+)
+def test_why_a_shell_session_failed_by_rules(transcript: str, why: str) -> None:
+    (lesson,) = RulesInducer().induce(MemoryEpisode(MemoryTask("Do it"), (), transcript=transcript), FAIL)
+    assert (lesson.type, lesson.content) == ("failure_avoidance", f"Do it: failed{why}")
