@@ -44,11 +44,13 @@ class SemanticMemoryConfig(VectorStoreConfig):
     max_chars: int = 2400
 
 
-def _build_semantic(config: SemanticMemoryConfig, embedder: Embedder) -> Memory:
+def _build_semantic(
+    config: SemanticMemoryConfig, embedder: Embedder, inducer: Inducer | None = None
+) -> Memory:
     """Keeps every lesson, verified or not, and recalls the most similar ones: the plain baseline."""
     from gvla2_plugins.memory_baselines.methods import Semantic
 
-    return Semantic.late(config, embedder)
+    return Semantic.late(config, embedder, inducer)
 
 
 @dataclass(kw_only=True)
@@ -117,7 +119,7 @@ def gvla2_memories() -> list[Component[Memory]]:
     """``memory=semantic``, ``constants``, ``awm``, ``reasoning_bank`` and ``synapse``."""
     both = ("embedder", "inducer")
     return [
-        Component("semantic", SemanticMemoryConfig, _build_semantic, needs=("embedder",)),
+        Component("semantic", SemanticMemoryConfig, _build_semantic, needs=both),
         Component("constants", ConstantsConfig, _build_constants, needs=("embedder",)),
         Component("awm", AwmConfig, _build_awm, needs=both),
         Component("reasoning_bank", ReasoningBankConfig, _build_reasoning_bank, needs=both),

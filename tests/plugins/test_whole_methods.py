@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.contracts import Inducer, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.embedding import StaticEmbedder
+from gvla2.memory.induction import RulesInducer
 from gvla2.memory.rendering import CLOSING, OPENING
 from gvla2.memory.store import Store
 from gvla2_plugins import memory_baselines
@@ -34,10 +35,11 @@ def url(tmp_path: Path) -> str:
 def build(url: str):
     made = []
 
-    def build_(name: str, **options: Any):
+    def build_(name: str, inducer: Inducer | None = None, **options: Any):
         component = METHODS[name]
         config = component.config(**{"name": name, "url": url, "busy_seconds": 0.2, **options})
-        made.append(component.build(config, embedder=StaticEmbedder()))
+        helpers = {"embedder": StaticEmbedder(), "inducer": inducer}
+        made.append(component.build(config, **{need: helpers[need] for need in component.needs}))
         return made[-1]
 
     yield build_
@@ -100,6 +102,16 @@ def test_a_database_that_fails_is_reported_and_stops_nothing(name: str, build: C
 def test_options_that_cannot_be_are_refused(name: str, options: dict[str, Any], build: Callable):
     with pytest.raises(ConfigurationError):
         build(name, **options)
+
+
+@pytest.mark.parametrize("name", sorted(METHODS.keys() - {"constants"}))
+def test_an_agents_success_without_lessons_of_its_own_is_recalled(name: str, build: Callable):
+    memory = build(name, RulesInducer())  # as in the presets
+    session = "$ bash bin/deposit photos\ndry run\n$ bash bin/deposit photos --commit\nstored"
+    memory.learn(
+        MemoryEpisode(MemoryTask("Put photos into the store"), (), transcript=session, source="1"), GOOD
+    )
+    assert "--commit" in memory.recall(MemoryTask("Put letters into the store")).text
 
 
 # -- what tells them apart --------------------------------------------------------------------------------------
