@@ -42,7 +42,7 @@ def rows_of(folder: Path, profile: str = "relaxed") -> list[dict]:
 
 def story(task: str, planner: str, seed: int) -> Story:
     lesson = Lesson("procedural_hint", f"{planner} did {task} well.")
-    asked = MemoryTask(f"do {task}", {"objects": 1.0}, "pick", ("red cube box",))
+    asked = MemoryTask(f"do {task}", "pick", ("red cube box",))
     verdict = Verdict.from_criteria({"completion": 1.0}, verifier="made up")
     return MemoryEpisode(asked, (lesson,), source=f"{task}-{seed}"), verdict
 

@@ -391,7 +391,7 @@ def _events_table(events: Sequence[Mapping[str, Any]]) -> Table:
 
 def _columns(record: Record) -> dict[str, Any]:
     """A record's fields with JSON columns parsed."""
-    return _parsed(dataclasses.asdict(record), "verifier", "signature", "effect", "provenance")
+    return _parsed(dataclasses.asdict(record), "verifier", "effect", "provenance")
 
 
 def _parsed(columns: Mapping[str, Any], *names: str) -> dict[str, Any]:

@@ -8,7 +8,6 @@ where a merge can pool them.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from importlib.metadata import version
@@ -21,7 +20,7 @@ from gvla2.planning.calls import written
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import ON, Prior, as_shares, look_of, sides_of
 from gvla2.planning.programs import calls_program, kind_of, relative_steps, waypoints_program
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import SceneObject
 from gvla2.planning.scene_brief import unique_names
 from gvla2.planning.skill import Skill
 from gvla2.skills.table import STANDARD
@@ -36,24 +35,10 @@ open is: no sentence says it.
 
 
 def memory_task(record: EpisodeRecord) -> MemoryTask:
-    """Memory's query: the instruction, the scene's signature and, once there is a plan, its skill.
-
-    The signature has ``objects`` (count), ``table_height`` and, for the object that it is about,
-    ``theme_length``, ``theme_width`` and ``theme_height``, metres. Before there is a plan that object is the one
-    whose label the instruction's words fit best; where that is unclear the three are left out.
-    """
+    """Memory's query: the instruction, what could be handled, and, once there is a plan, its skill."""
     skill = record.plan.skill if record.plan is not None else ""
-    if record.scene is None:
-        return MemoryTask(record.instruction, skill=skill)
-    theme = theme_of(record) or _mentioned(record.instruction, record.scene)
-    signature = {
-        "objects": float(len(record.scene.obstacles())),
-        "table_height": float(record.scene.table_height),
-    }
-    if theme is not None:
-        width, length = sorted(float(v) for v in theme.extents[:2])
-        signature |= {"theme_length": length, "theme_width": width, "theme_height": float(theme.extents[2])}
-    return MemoryTask(record.instruction, signature, skill, tuple(map(kind_of, record.scene.objects)))
+    objects = record.scene.objects if record.scene is not None else ()
+    return MemoryTask(record.instruction, skill, tuple(map(kind_of, objects)))
 
 
 def memory_episode(
@@ -212,24 +197,6 @@ def _size_class(obj: SceneObject) -> str:
     build = "tall " if height > 1.5 * across else "flat " if height < 0.5 * across else ""
     sizes = (("tiny", 0.03), ("small", 0.075), ("medium", 0.15))
     return build + next((name for name, limit in sizes if max(across, height) < limit), "large")
-
-
-def _mentioned(instruction: str, scene: Scene) -> SceneObject | None:
-    """The one solid object whose label and colour share most words with the instruction.
-
-    None for a tie, and for an object with parts: the words don't say which part will be handled.
-    """
-    solids = scene.obstacles()
-    words = set(re.findall(r"\w+", instruction.casefold()))
-    hits = [len(words & {*obj.label.casefold().split(), obj.colour.casefold()} - {""}) for obj in solids]
-    best = max(hits, default=0)
-    if len(solids) == 1:
-        found = solids[0]
-    elif best > 0 and hits.count(best) == 1:
-        found = solids[hits.index(best)]
-    else:
-        return None
-    return None if any(other.parent == found.id for other in scene.objects) else found
 
 
 def _describe_object(obj: SceneObject) -> str:

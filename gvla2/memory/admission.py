@@ -188,7 +188,6 @@ def new_record(
         created=now,
         updated=now,
         verifier=dump(verifier),
-        signature=dump(finite(episode.task.signature)),
         skill=clean(episode.task.skill, 64),
         effect=dump(dict(lesson.effect)) if lesson.effect else "",
         provenance=provenance(None, episode),
@@ -213,15 +212,11 @@ def confirmed(record: Record, fresh: Record, episode: MemoryEpisode, verdict: Ve
     if verdict.outcome != "unavailable":
         quality, confidence = pooled_quality(record.quality, record.count, verdict.quality)
     effect = pooled_effects(record.effect_json(), fresh.effect_json())
-    signature = dict(fresh.signature_json())
-    for name, value in record.signature_json().items():
-        signature[name] = (value * record.count + signature.get(name, value)) / (record.count + 1)
     return replace(
         record,
         quality=quality,
         confidence=confidence,
         effect=dump(effect) if effect else "",
-        signature=dump(signature),
         verifier=fresh.verifier,
         query=phrasings(record.query, episode.task.query),
         provenance=provenance(record, episode),

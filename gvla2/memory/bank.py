@@ -12,7 +12,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -40,7 +40,7 @@ from gvla2.memory.embedding import StaticEmbedder
 from gvla2.memory.index import Index
 from gvla2.memory.learning import JudgedEpisode, OpenBank, admit, learn
 from gvla2.memory.options import BankOptions
-from gvla2.memory.records import MAX_QUERY, LifecycleState, Record, clean, finite
+from gvla2.memory.records import MAX_QUERY, LifecycleState, Record, clean
 from gvla2.memory.rendering import item_of, render
 from gvla2.memory.retrieval import HybridRetriever, SemanticRetriever
 from gvla2.memory.store import Store, resolved_address
@@ -215,13 +215,12 @@ class KnowledgeBank(OpenBank, Closing):
         return self.index.candidates(states, now=self.clock())
 
     def _asked(self, task: MemoryTask | str) -> tuple[MemoryTask, NDArray[np.float32]]:
-        """The task with a query that any retriever accepts and valid numbers, and the query's (D,) vector."""
+        """The task with a query that any retriever accepts, and the query's (D,) vector."""
         given = _task(task)
-        query, numbers = clean(given.query, MAX_QUERY), finite(given.signature)
-        asked = MemoryTask(query, numbers, given.skill, given.objects)
+        asked = replace(given, query=clean(given.query, MAX_QUERY))
         knows = getattr(self.embedder, "knows", None)
-        vector = self.embedder.embed([query])[0]
-        return asked, vector if knows is None or knows(query) else np.zeros_like(vector)
+        vector = self.embedder.embed([asked.query])[0]
+        return asked, vector if knows is None or knows(asked.query) else np.zeros_like(vector)
 
 
 def _task(task: MemoryTask | str) -> MemoryTask:

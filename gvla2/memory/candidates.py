@@ -19,12 +19,11 @@ UNSEEN = 10
 class HeldRecord:
     """A record in RAM with its unit (D,) ``vector``, or zero, and how many others contradict it."""
 
-    __slots__ = ("conflicts", "record", "signature", "terms", "vector")
+    __slots__ = ("conflicts", "record", "terms", "vector")
 
     def __init__(self, record: Record, vector: NDArray[np.float32], conflicts: int = 0) -> None:
         self.record, self.vector, self.conflicts = record, vector, conflicts
         self.terms = terms(record.text)
-        self.signature = record.signature_json() if record.signature != "{}" else {}
 
 
 class Candidates:
@@ -41,7 +40,7 @@ class Candidates:
         return len(self._held)
 
     def __getitem__(self, row: int) -> HeldRecord:
-        """A row with its vector, scene signature and number of contradicting records."""
+        """A row with its vector and number of contradicting records."""
         return self._held[row]
 
     def record(self, row: int) -> Record:

@@ -23,13 +23,11 @@ if TYPE_CHECKING:
 class MemoryTask:
     """A query to memory. ``query`` is the instruction, in any language.
 
-    ``signature`` describes the scene's geometry by named numbers (metres, counts), empty for software agents; ``skill``
-    narrows it if known ("" otherwise). ``objects`` are those that could be handled, a label and a shape each ("red cup
-    cylinder"): a model's lesson may speak of them.
+    ``skill`` narrows it if known ("" otherwise). ``objects`` are those that could be handled, a label and a shape each
+    ("red cup cylinder"): a model's lesson may speak of them.
     """
 
     query: str
-    signature: Mapping[str, float] = field(default_factory=dict)
     skill: str = ""
     objects: tuple[str, ...] = ()
 

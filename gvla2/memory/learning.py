@@ -265,7 +265,7 @@ def _kept(
     return replace(
         known,
         at=now,
-        task=MemoryTask(clean(task.query, MAX_QUERY), {}, clean(task.skill, 64)),
+        task=MemoryTask(clean(task.query, MAX_QUERY), clean(task.skill, 64)),
         transcript=clean(episode.transcript, MAX_TRANSCRIPT) or known.transcript,
         facts=facts or known.facts,
         judged=known.judged + 1,

@@ -44,14 +44,12 @@ class BankOptions:
 
 @dataclass
 class ScoreWeights:
-    """The constants of S, as the paper's authors released them; ``applicability`` is ours.
+    """The constants of S, as the paper's authors released them.
 
     Bonuses by the record's outcome: ``verified`` also applies to a constraint that a verified failure supports (the
     released rule counted every failure against its own lesson, which no constraint then survived); ``failed`` for
     anything else that failed; ``unjudged`` if the verifier was unavailable. ``recency`` is lost at one unit in
     ``recency_days``. ``stale_days`` without use make a failure stale; other records lose up to ``ageing`` over a year.
-    ``applicability`` is gained in the same scene that a record comes from, and lost in a quite different one;
-    ``signature_scale`` is the relative difference of a scene's numbers at which 1/e of the fit is left.
     """
 
     verified: float = 0.30
@@ -67,8 +65,6 @@ class ScoreWeights:
     stale_failure: float = 0.25
     stale_days: float = 14.0
     ageing: float = 0.20
-    applicability: float = 0.25
-    signature_scale: float = 0.5
 
 
 @dataclass(kw_only=True)
@@ -85,9 +81,6 @@ class HybridOptions:
     would push out what is asked for. ``weights`` are the constants of S. ``words_count`` and ``min_evidence`` were
     calibrated on tests/benchmarks/memory/data, for static and MiniLM alike.
 
-    A record from a different geometry never applies: those of the numbers ``essential`` that both scenes have may
-    differ by ``max_difference`` of the larger one.
-
     Records that share ``same_words`` of the words of both say the same and count once, unless they are about
     different parameters or looks of objects, or are different programs.
     """
@@ -102,14 +95,12 @@ class HybridOptions:
     min_words: float = 0.5
     min_score: float = 1.2
     min_share: float = 0.5
-    max_difference: float = 0.5
-    essential: list[str] = field(default_factory=lambda: ["theme_length", "theme_width", "theme_height"])
     same_words: float = 0.8
     weights: ScoreWeights = field(default_factory=ScoreWeights)
 
     def check(self) -> None:
         """Raises :class:`~gvla2.errors.ConfigurationError` for weights that make S divide by zero."""
-        for name in ("recency_days", "usage_divisor", "signature_scale"):
+        for name in ("recency_days", "usage_divisor"):
             if getattr(self.weights, name) == 0:
                 why = "is 0, and S divides by it: give a positive one"
                 raise ConfigurationError(f"The weight '{name}' of the retriever {why}.")

@@ -40,8 +40,8 @@ class Record:
     ``query`` are the instructions it came from, one per line; ``count`` how many episodes say the same; ``usage`` how
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one that was
     verified as either. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
-    ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect`` one
-    or "". ``trust`` follows from the origins of its events. Only the store sets ``version``, which counts the changes
+    ``used`` (last credit, 0 for never). ``verifier`` and ``provenance`` are JSON objects, ``effect`` one or "".
+    ``trust`` follows from the origins of its events. Only the store sets ``version``, which counts the changes
     of this record (0: not stored yet), and ``rev``, the number of the bank's transaction that last changed it.
     """
 
@@ -62,7 +62,6 @@ class Record:
     usage: int = 0
     recalled: int = 0
     verifier: str = "{}"
-    signature: str = "{}"
     skill: str = ""
     effect: str = ""
     provenance: str = "{}"
@@ -81,10 +80,6 @@ class Record:
         """The typed effect, or None."""
         return load_object(self.effect) if self.effect else None
 
-    def signature_json(self) -> dict[str, float]:
-        """The scene's signature."""
-        return {k: float(v) for k, v in load_object(self.signature).items()}
-
     def provenance_json(self) -> dict[str, Any]:
         """The record's provenance: ``made_by`` and ``sources``, the ids of its episodes."""
         return load_object(self.provenance)
@@ -98,7 +93,7 @@ class Record:
 COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(Record))
 """The columns of a record, in the order of :class:`Record` and of its table."""
 
-_JSON_COLUMNS = ("verifier", "signature", "effect", "provenance")
+_JSON_COLUMNS = ("verifier", "effect", "provenance")
 _VALUES = attrgetter(*COLUMNS)
 COLUMN_TYPES = tuple({"float": float, "int": int}.get(str(field.type), str) for field in fields(Record))
 _CODEC = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
@@ -137,9 +132,7 @@ def damage_of(row: tuple[Any, ...]) -> str:
         if name not in _JSON_COLUMNS or value == "{}" or (name == "effect" and not value):
             continue
         try:
-            data = load_object(value)
-            if name == "signature" and not all(math.isfinite(float(number)) for number in data.values()):
-                return "signature has a value that is not a number"
+            load_object(value)
         except (ValueError, TypeError, RecursionError) as error:
             return f"{name} is not valid JSON ({error})"
     return ""

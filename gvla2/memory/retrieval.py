@@ -1,14 +1,12 @@
 """The retrievers of a bank: by the score S of the paper, with abstention, and by similarity alone.
 
-S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_stale, plus our own term: the geometric
-applicability of robot memories.
+S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_stale.
 """
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -60,18 +58,11 @@ class HybridRetriever:
                 f"required, or {options.min_words:.0%} of the words)."
             )
         rows = np.flatnonzero(about)
-        for name in set(options.essential) & task.signature.keys():
-            # nan, of a record without the number, does not exclude
-            held = [candidates[row] for row in rows.tolist()]
-            rows = rows[~(scene_difference(task.signature, name, held) > options.max_difference)]
-        if not len(rows):
-            why = "records are about this, all of them from a different geometry"
-            return (), f"{np.count_nonzero(about)} {why}."
         relevance = options.lexical_weight * lexical[rows] + options.cosine_weight * cosine[rows]
         # Relative to the best, like BM25 / its maximum: else confidence would outweigh relevance.
         relevance /= max(float(relevance.max()), 1e-9)
         held = [candidates[row] for row in rows.tolist()]
-        terms = score_terms(options.weights, held, candidates.now, relevance, task.signature)
+        terms = score_terms(options.weights, held, candidates.now, relevance)
         scores = np.sum(list(terms.values()), axis=0)
         if (best := scores.max()) < options.min_score:
             best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is required"
@@ -162,15 +153,11 @@ def _stricter(first: Record, second: Record) -> bool:
 
 
 def score_terms(
-    weights: ScoreWeights,
-    held: Sequence[HeldRecord],
-    now: float,
-    relevance: Array,
-    signature: Mapping[str, float],
+    weights: ScoreWeights, held: Sequence[HeldRecord], now: float, relevance: Array
 ) -> dict[str, Array]:
     """The terms of S by name, each (K,) for the K records; penalties are negative, so that S is their sum.
 
-    ``now`` in seconds since the epoch; ``relevance`` (K,) is r_text in [0, 1]; ``signature`` is the present scene's.
+    ``now`` in seconds since the epoch; ``relevance`` (K,) is r_text in [0, 1].
     """
     records = [one.record for one in held]
     ages = np.maximum([(now - one.updated) / SECONDS_PER_DAY for one in records], 0.0)
@@ -190,7 +177,6 @@ def score_terms(
     used = np.minimum(np.log1p(np.maximum(usage, 0)) / weights.usage_divisor, weights.usage_most)
     forgotten = avoidance & (ages > weights.stale_days) & (usage <= 0)
     ageing = np.maximum(np.minimum(ages / 365.0, weights.ageing) - used / 2, 0.0)
-    fit = 2 * np.exp(-scene_distance(signature, held) / weights.signature_scale) - 1
     return {
         "r_text": relevance,
         "confidence": np.clip([one.confidence for one in records], 0.0, 1.0),
@@ -199,22 +185,4 @@ def score_terms(
         "usage": used,
         "conflict": -np.minimum(weights.conflict * conflicts, weights.conflict_most),
         "stale": -np.where(forgotten, weights.stale_failure, ageing),
-        "applicability": np.where(np.isnan(fit), 0.0, weights.applicability * fit),
     }
-
-
-def scene_distance(signature: Mapping[str, float], held: Sequence[HeldRecord]) -> Array:
-    """(K,) mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; nan for none."""
-    total, shared = np.zeros(len(held)), np.zeros(len(held))
-    for name in signature:
-        difference = scene_difference(signature, name, held)
-        total += np.nan_to_num(difference)
-        shared += ~np.isnan(difference)
-    return np.where(shared > 0, total / np.maximum(shared, 1.0), math.nan)
-
-
-def scene_difference(signature: Mapping[str, float], name: str, held: Sequence[HeldRecord]) -> Array:
-    """(K,) differences of one of the scenes' numbers, as a share of the larger one; nan if unknown."""
-    asked = float(signature[name])
-    known = np.array([one.signature.get(name, math.nan) for one in held])
-    return np.asarray(np.abs(known - asked) / np.maximum(np.maximum(np.abs(known), abs(asked)), 1e-9))

@@ -33,7 +33,7 @@ from sqlalchemy.types import TypeEngine
 from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.records import COLUMN_TYPES, COLUMNS, Record, as_json, dump, load_object
 
-SCHEMA_VERSION = 5
+SCHEMA_VERSION = 6
 """Version of the tables, kept in ``memory_meta``; any other is refused."""
 GENESIS = ""
 """``prev`` of a bank's first event."""

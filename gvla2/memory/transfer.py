@@ -16,10 +16,10 @@ from gvla2.io.files import write_whole
 from gvla2.memory.admission import invalid
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
 from gvla2.memory.learning import JudgedEpisode, OpenBank, admit
-from gvla2.memory.records import OUTCOMES, TYPES, as_json, finite, load_object
+from gvla2.memory.records import OUTCOMES, TYPES, as_json, load_object
 from gvla2.memory.store import Store
 
-_OBJECTS = ("verifier", "signature", "effect", "provenance")
+_OBJECTS = ("verifier", "effect", "provenance")
 """Fields that are JSON objects."""
 
 
@@ -115,4 +115,4 @@ def _lesson(line: Mapping[str, Any]) -> tuple[Lesson, Verdict, MemoryTask]:
     if not (isinstance(query, str) and isinstance(skill, str)):
         raise ValueError("'query' and 'skill' are texts")
     f"{query}{skill}".encode()  # a lone surrogate, which no database takes, raises ValueError
-    return lesson, verdict, MemoryTask(query, finite(dict(line.get("signature") or {})), skill)
+    return lesson, verdict, MemoryTask(query, skill)

@@ -48,7 +48,7 @@ def check_memory(memory: Memory) -> None:
     It writes into the memory: pass one with its own store.
     """
     require_members(memory, "memory")
-    task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05, "objects": 2.0}, "pick")
+    task = MemoryTask(inputs.INSTRUCTION, "pick")
     lessons = (
         Lesson("procedural_hint", "Close the fingers around the middle of a small cube before lifting."),
         Lesson("failure_avoidance", "Do not lift less than 0.2 m.", Bound("lift_height", 0.2).to_json()),
@@ -99,9 +99,8 @@ def candidates(
     """Records in RAM, as a bank would provide them: for testing a retriever.
 
     ``vectors`` (N, D) are unit rows; without them the ``embedder`` makes them (the static one by default). ``columns``
-    may hold a record's ``confidence``, ``outcome``, ``type``, ``usage``, ``skill``, ``signature`` and ``effect``, its
-    ``ages`` (days) and ``conflicts``, each a sequence of N; the default is a fresh, certain, verified hint. Ids are
-    r0000, r0001, ...
+    may hold a record's ``confidence``, ``outcome``, ``type``, ``usage``, ``skill`` and ``effect``, its ``ages`` (days)
+    and ``conflicts``, each a sequence of N; the default is a fresh, certain, verified hint. Ids are r0000, r0001, ...
     """
     queries = queries or [""] * len(contents)
     if vectors is None:
@@ -111,8 +110,8 @@ def candidates(
     for i, (query, content) in enumerate(zip(queries, contents, strict=True)):
         given = {name: values[i] for name, values in columns.items()}
         age, conflicts = given.pop("ages", 0.0), given.pop("conflicts", 0)
-        for name in {"signature", "effect"} & given.keys():
-            given[name] = dump(dict(given[name])) if given[name] else "{}" if name == "signature" else ""
+        if "effect" in given:
+            given["effect"] = dump(dict(given["effect"])) if given["effect"] else ""
         record = Record(
             id=f"r{i:04}",
             bank="testing",
@@ -144,7 +143,6 @@ def _five_records() -> tuple[Candidates, NDArray[np.float32]]:
         outcome=[*["verified_success"] * 3, "uncertain", "verified_fail"],
         ages=[0.0, 1.0, 2.0, 300.0, 5.0],
         conflicts=[0, 0, 1, 4, 0],
-        signature=[{"theme.width": 0.05}, {"theme.width": 0.052}, {}, {}, {"theme.width": 0.047}],
         skill=["pick", "pick", "push", "press", "pick"],
     ), table[5]
 
@@ -154,7 +152,7 @@ def check_retriever(retriever: Retriever) -> None:
     require_members(retriever, "retriever")
     some, query = _five_records()
     none = candidates([], vectors=np.zeros((0, 16), np.float32))
-    task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05}, "pick")
+    task = MemoryTask(inputs.INSTRUCTION, "pick")
     for what, (records, words, vector) in {
         "five records": (some, task, query),
         "no record": (none, task, query),

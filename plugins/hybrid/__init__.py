@@ -18,7 +18,7 @@ class HybridConfig(HybridOptions, ComponentConfig):
 
 
 def _build(config: HybridConfig) -> Retriever:
-    """Ranks by BM25, cosine, quality and geometry; abstains when nothing is reliable enough."""
+    """Ranks by words, cosine, confidence and use; abstains when nothing is reliable enough."""
     from gvla2.memory.retrieval import HybridRetriever
 
     return HybridRetriever(config)

@@ -146,7 +146,7 @@ def runs(folder: Path) -> Targets:
     np.savez(folder / "params.npz", scale=1.0, rotation=[1.0, 0, 0, 0], translation=[0.0, 0, 1])
     trimesh.creation.box((1, 1, 1)).export(folder / "result.glb")
     Calibration(pictures[0].camera, "1", 0.001).save(folder / "camera.json")
-    lesson = {"query": "lift", "signature": {"height": 0.1}, "outcome": "verified_success", "quality": 0.9}
+    lesson = {"query": "lift", "outcome": "verified_success", "quality": 0.9}
     lines = [
         json.dumps({"content": f"Lift slowly {n}.", "type": "procedural_hint", **lesson}) for n in range(3)
     ]

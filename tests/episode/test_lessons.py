@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from gvla2.episode.lessons import memory_episode, memory_task, transcript
+from gvla2.episode.lessons import memory_episode, transcript
 from gvla2.episode.record import EpisodeRecord, Failure
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.effects import Bound, effect_from_json
 from gvla2.planning.trajectory import Waypoint
-from tests.objects import TABLE, scene
+from tests.objects import scene
 from tests.picking import (
     DOWN,
     FAIL,
@@ -23,18 +23,6 @@ from tests.picking import (
     episode,
     kinds,
 )
-
-
-def test_a_task_before_the_plan_guesses_its_object_from_the_words() -> None:
-    record = EpisodeRecord("run/1", "Pick up the blue cube, please.", "", 0, {}, scene=SCENE)
-    task = memory_task(record)
-    assert task.skill == ""
-    assert task.signature == pytest.approx(
-        {"objects": 2, "table_height": TABLE, "theme_length": 0.05, "theme_width": 0.05, "theme_height": 0.05}
-    )
-    unclear = memory_task(replace(record, instruction="Räum auf"))
-    assert set(unclear.signature) == {"objects", "table_height"}
-    assert memory_task(replace(record, scene=None)).signature == {}
 
 
 def test_success_gives_priors_whose_words_repeat() -> None:

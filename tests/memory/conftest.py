@@ -77,12 +77,11 @@ def episode() -> Callable[..., MemoryEpisode]:
         query: str = "Pick up the red cube",
         *lessons: Lesson,
         skill: str = "pick",
-        signature: dict[str, float] | None = None,
         recalled: MemoryContext | None = None,
         source: str | None = None,
     ) -> MemoryEpisode:
         return MemoryEpisode(
-            MemoryTask(query, signature or {}, skill),
+            MemoryTask(query, skill),
             lessons or (hint(),),
             recalled=recalled or MemoryContext(),
             source=source or f"run/{next(runs)}",

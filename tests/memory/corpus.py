@@ -5,12 +5,11 @@ Sentences combine words from robots' kitchens and shells with made-up names with
 """
 
 import hashlib
-from typing import Any
 
 import numpy as np
 
 from gvla2.memory.contracts import MemoryTask
-from gvla2.memory.records import Record, dump
+from gvla2.memory.records import Record
 
 LANGUAGES: tuple[tuple[str, ...], ...] = (
     ("{} the {} {} {} near the wall, {} cm from the edge; {}",
@@ -33,10 +32,10 @@ def lessons(count: int, seed: int = 0, *, now: float = 1.8e9) -> list[Record]:
 
 
 def tasks(count: int, seed: int = 1) -> list[MemoryTask]:
-    """``count`` queries in the words of :func:`lessons`, of which some name a scene's numbers and a skill."""
+    """``count`` queries in the words of :func:`lessons`, of which some name a skill."""
     rng = np.random.default_rng(seed)
     return [
-        MemoryTask(_sentence(rng).split(";")[0], _signature(rng), _skill(rng) if rng.random() < 0.3 else "")
+        MemoryTask(_sentence(rng).split(";")[0], _skill(rng) if rng.random() < 0.3 else "")
         for _ in range(count)
     ]
 
@@ -60,7 +59,6 @@ def _record(i: int, now: float, rng: np.random.Generator) -> Record:
         updated=now - age,
         usage=int(rng.geometric(0.4)) - 1,
         skill=_skill(rng),
-        signature=dump(_signature(rng)),
     )
 
 
@@ -79,8 +77,3 @@ def _one(rng: np.random.Generator, joined: str) -> str:
 
 def _skill(rng: np.random.Generator) -> str:
     return _one(rng, "pick|push||press|place")
-
-
-def _signature(rng: np.random.Generator) -> dict[str, Any]:
-    names = () if rng.random() < 0.4 else ("theme_length", "theme_width", "theme_height", "objects")
-    return {name: round(float(rng.lognormal(-2.5, 0.3)), 4) for name in names if rng.random() < 0.9}

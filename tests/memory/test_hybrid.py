@@ -2,7 +2,6 @@
 
 import math
 import random
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -19,18 +18,6 @@ from tests.memory.corpus import lessons, tasks
 
 EMBEDDER = StaticEmbedder()
 NOW = 1.8e9
-
-
-def signature_distance(first: Mapping[str, float], second: Mapping[str, float]) -> float | None:
-    """Of two scenes: mean relative difference, 0 (alike) to 2; None when they share no numbers."""
-    shared = [
-        (float(first[name]), float(second[name]))
-        for name in sorted(first.keys() & second.keys())
-        if math.isfinite(first[name]) and math.isfinite(second[name])
-    ]
-    if not shared:
-        return None
-    return sum(abs(a - b) / max(abs(a), abs(b), 1e-9) for a, b in shared) / len(shared)
 
 
 def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> list[tuple[int, float]]:
@@ -51,28 +38,21 @@ def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> lis
     for i, record in enumerate(records):
         lexical = max(share(asked, texts[i]) for asked in subqueries(task.query))
         cosine = min(max(float(EMBEDDER.embed([record.text])[0] @ vector), 0.0), 1.0)
-        known = record.signature_json()
         if task.skill and record.skill and record.skill != task.skill:
             continue
         evidence = cosine + options.words_count * lexical
         if evidence < options.min_evidence and lexical < options.min_words:
             continue
-        if any(
-            (signature_distance({n: task.signature[n]}, {n: known[n]}) or 0.0) > options.max_difference
-            for n in options.essential
-            if n in task.signature and n in known
-        ):
-            continue
         found.append((i, options.lexical_weight * lexical + options.cosine_weight * cosine, evidence))
     best = max((relevance for _, relevance, _ in found), default=1.0)
-    scored = [(i, r / best + prior(task, bank, i, options.weights), evidence) for i, r, evidence in found]
+    scored = [(i, r / best + prior(bank, i, options.weights), evidence) for i, r, evidence in found]
     reliable = [entry for entry in scored if entry[1] >= options.min_score]
     nearest = max((evidence for _, _, evidence in reliable), default=0.0)
     about = [(i, score) for i, score, evidence in reliable if evidence >= options.min_share * nearest]
     return sorted(about, key=lambda e: (-e[1], bank.record(e[0]).id))
 
 
-def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> float:
+def prior(bank: Candidates, i: int, weights: ScoreWeights) -> float:
     """S of a record without its relevance."""
     record = bank.record(i)
     age, usage = max(NOW - record.updated, 0.0) / 86400, record.usage
@@ -87,8 +67,6 @@ def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> 
     stale = max(0.0, min(age / 365, weights.ageing) - used / 2)
     if avoidance and age > weights.stale_days and usage == 0:
         stale = weights.stale_failure
-    distance = signature_distance(task.signature, record.signature_json())
-    fit = 0.0 if distance is None else 2 * math.exp(-distance / weights.signature_scale) - 1
     return (
         record.confidence
         + success
@@ -96,7 +74,6 @@ def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> 
         + used
         - min(weights.conflict * bank[i].conflicts, weights.conflict_most)
         - stale
-        + weights.applicability * fit
     )
 
 
@@ -112,8 +89,8 @@ def corpus(size: int, seed: int) -> Candidates:
     ("seed", "weights"),
     [
         (3, ScoreWeights()),
-        (4, ScoreWeights(applicability=-0.4, usage_most=0.6, recency=0.0)),
-        (5, ScoreWeights(applicability=2.0, signature_scale=0.05, recency_days=3.0, stale_days=1.0)),
+        (4, ScoreWeights(verified=0.6, usage_most=0.6, recency=0.0)),
+        (5, ScoreWeights(conflict=0.4, recency_days=3.0, stale_days=1.0)),
     ],
 )
 def test_ranking_is_that_of_the_plain_formula(seed: int, weights: ScoreWeights) -> None:
@@ -170,20 +147,6 @@ def test_skills_narrow_where_both_are_known() -> None:
     assert {r.row for r in rank("lift it", bank, skill="pick")[0]} == {0, 2}
     assert len(rank("lift it", bank)[0]) == 3
     assert "push" in rank("lift it", candidates(["lift it"], skill=["pick"]), skill="push")[1]
-
-
-def test_a_record_from_another_geometry_does_not_apply() -> None:
-    flat = {"theme_height": 0.02, "theme_length": 0.05, "objects": 1.0}
-    bank = candidates(
-        ["lift the cube", "raise the cube"], signature=[flat, {"theme_height": 0.05, "objects": 9.0}]
-    )
-    task = MemoryTask("lift the cube", {"theme_height": 0.055, "theme_length": 0.05, "objects": 1.0})
-    vector = EMBEDDER.embed(["lift the cube"])[0]
-    assert [r.row for r in HybridRetriever().rank(task, bank, vector)[0]] == [1]
-    alone = candidates(["lift the cube"], signature=[flat])
-    ranked, reason = HybridRetriever().rank(task, alone, vector)
-    assert not ranked
-    assert "a different geometry" in reason
 
 
 def test_copies_of_a_query_take_one_place() -> None:

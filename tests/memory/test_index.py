@@ -68,7 +68,7 @@ def test_it_follows_any_change(store: Store) -> None:
         replace(stored(store, ids[1]), content="entirely other words: ein roter Würfel"),
         replace(stored(store, ids[2]), state="archive"),
         replace(stored(store, ids[3]), state="provisional"),
-        replace(stored(store, ids[4]), effect=program, signature='{"theme_width":0.5,"unknown":3.0}'),
+        replace(stored(store, ids[4]), effect=program),
     ]
     put(store, changes)
     put(store, lessons(20, 99, now=NOW))
@@ -83,7 +83,7 @@ def test_it_follows_any_change(store: Store) -> None:
     assert ids_of(index.candidates(["provisional"])) == [ids[3]]
     places = {id: row for row, id in enumerate(active(index))}
     assert [candidates[places[ids[i]]].conflicts for i in (5, 6, 7)] == [1, 1, 0]
-    assert candidates[places[ids[4]]].signature == {"theme_width": 0.5, "unknown": 3.0}
+    assert candidates.record(places[ids[4]]).effect == program
     assert index.get("no such id") is index.get(ids[2]) is None
     put(store, [replace(stored(store, ids[2]), state="active")])
     index.refresh()

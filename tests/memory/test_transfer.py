@@ -59,7 +59,7 @@ def test_broken_lines_are_named_and_the_others_read(open_bank: Open, tmp_path: P
     odd += [
         json.dumps({**good, **wrong}).encode()
         for wrong in (
-            *({"skill": "\ud800"}, {"signature": {"n": 10**400}}),
+            *({"skill": "\ud800"}, {"type": ["spell"]}),
             *({"quality": 7}, {"confidence": -1}, {"query": ["lift", "push"]}),
         )
     ]

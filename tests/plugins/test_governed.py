@@ -14,7 +14,7 @@ from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, 
 from gvla2.memory.late import LateMemory
 from gvla2_plugins import embedders, governed, hybrid
 
-TASK = MemoryTask("Pick up the red cube", {"objects": 3.0}, "pick")
+TASK = MemoryTask("Pick up the red cube", "pick")
 LESSON = Lesson("procedural_hint", "Pick up a small box: grasp it deep.")
 EPISODE = MemoryEpisode(TASK, (LESSON,), source="run/1")
 SUCCESS = Verdict.from_criteria({"task_completion": 1.0})

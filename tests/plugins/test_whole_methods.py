@@ -51,7 +51,7 @@ def episode(
     query: str = "lift the red cube", *lessons: Lesson, transcript: str = WALK, source: str = "run/1"
 ):
     given = lessons or (Lesson("procedural_hint", "Lift a small box: this grasp depth succeeded.", EFFECT),)
-    return MemoryEpisode(MemoryTask(query, {"objects": 2.0}, "pick"), given, transcript, source=source)
+    return MemoryEpisode(MemoryTask(query, "pick"), given, transcript, source=source)
 
 
 @pytest.mark.parametrize("name", METHODS)

@@ -22,7 +22,7 @@ def experience(
         f"{skill} a small box: this grasp depth {'succeeded' if verdict is GOOD else 'failed'}.",
         effect_from_json(effect).to_json(),
     )
-    task = MemoryTask(query, {"objects": 2.0}, skill, ("red cube box",))
+    task = MemoryTask(query, skill, ("red cube box",))
     return MemoryEpisode(task, (lesson,), source=f"{skill}-{seed}"), verdict
 
 
@@ -40,12 +40,12 @@ def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_f
         "inducer": "rules",
         "judge": "none",
     }
-    pressing = MemoryTask("switch the lamp on", {"objects": 1.0}, "press")
+    pressing = MemoryTask("switch the lamp on", "press")
     with closing(load_plugins().build(root, "memory")) as memory:
         teach(memory, [experience(seed, 0.02, GOOD) for seed in range(3)])
         teach(memory, [experience(9, 0.01, GOOD, "press", "switch the lamp on")])
         frozen, shuffled = Frozen(memory), Shuffled(memory, pressing)
-        asked = MemoryTask("lift the red cube", {"objects": 2.0})
+        asked = MemoryTask("lift the red cube")
         before = frozen.recall(asked)
         assert any("pick" in item.content for item in before.items)
         learned = frozen.learn(*experience(7, 0.05, GOOD))

@@ -85,7 +85,7 @@ TAMPERING = {
     ),
     "a row is slipped in": (
         "INSERT INTO memory SELECT '3', bank, query, content, type, state, outcome, confidence, quality, 'k3', created,"
-        " updated, used, count, usage, recalled, verifier, signature, skill, effect, provenance, note, trust,"
+        " updated, used, count, usage, recalled, verifier, skill, effect, provenance, note, trust,"
         " version, rev"
         " FROM memory WHERE id = '1'",
         ["record 3: no event created it"],

@@ -115,8 +115,7 @@ def test_text_of_any_kind_is_kept_or_cleaned(store: Store, record: Make, put: Ma
         ({"updated": float("inf")}, "updated is not a finite number"),
         ({"effect": "{"}, "effect is not valid JSON"),
         ({"effect": "[1]"}, "effect is not valid JSON"),
-        ({"signature": '{"a":NaN}'}, "signature is not valid JSON"),
-        ({"signature": '{"a":"b"}'}, "signature"),
+        ({"verifier": '{"a":NaN}'}, "verifier is not valid JSON"),
         ({"verifier": ""}, "verifier is not valid JSON"),
         ({"content": None}, "content of a wrong type"),
         ({"count": 2**63}, "count is not a count"),
@@ -171,7 +170,7 @@ def test_time_never_runs_backwards(store: Store, record: Make, put: Make) -> Non
 EPISODE = StoredEpisode(
     source="run/1",
     at=NOW,
-    task=MemoryTask("Pick up the red cube", {}, "pick"),
+    task=MemoryTask("Pick up the red cube", "pick"),
     transcript="it moved\nand it lifted",
     facts={"exit_status": 0},
     judged=1,
