@@ -112,7 +112,7 @@ class SemanticRetriever:
     It never abstains, except that a query or bank without vectors finds nothing.
     """
 
-    def __init__(self, top_k: int = 3) -> None:
+    def __init__(self, top_k: int = 6) -> None:  # as many as ``memory=semantic`` recalls
         self._top_k = top_k
 
     def rank(
