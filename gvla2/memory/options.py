@@ -80,9 +80,6 @@ class HybridOptions:
     have less than ``min_share`` of the best one's evidence are about something else: by their confidence alone they
     would push out what is asked for. ``weights`` are the constants of S. ``words_count`` and ``min_evidence`` were
     calibrated on tests/benchmarks/memory/data, for static and MiniLM alike.
-
-    Records that share ``same_words`` of the words of both say the same and count once, unless they are about
-    different parameters or looks of objects, or are different programs.
     """
 
     lexical_weight: float = 0.6
@@ -95,7 +92,6 @@ class HybridOptions:
     min_words: float = 0.5
     min_score: float = 1.2
     min_share: float = 0.5
-    same_words: float = 0.8
     weights: ScoreWeights = field(default_factory=ScoreWeights)
 
     def check(self) -> None:

@@ -5,9 +5,8 @@ S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_s
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 from gvla2.memory.candidates import Array, Candidates, HeldRecord
 from gvla2.memory.contracts import MemoryTask, Ranked
 from gvla2.memory.options import HybridOptions, ScoreWeights
-from gvla2.memory.records import SECONDS_PER_DAY, Record, dump
-from gvla2.memory.text import subqueries, words
+from gvla2.memory.records import SECONDS_PER_DAY
+from gvla2.memory.text import subqueries
 
 _LOOKED_AT = 1000
 """Number of the best records that are considered."""
@@ -75,13 +74,12 @@ class HybridRetriever:
         ], ""
 
     def _chosen(self, rows: NDArray[np.intp], scores: Array, candidates: Candidates) -> list[int]:
-        """The indices into ``rows`` (K,) of those shown, best first, without repeats.
+        """The indices into ``rows`` (K,) of those shown, best first.
 
         Constraints, hints and the programs of each language have separate limits: a planner reads programs of one
         language, which those of another must not crowd out.
         """
-        options, chosen = self._options, list[int]()
-        shown: dict[str, list[Record]] = defaultdict(list)
+        options, chosen, shown = self._options, list[int](), Counter[str]()
         for i in np.argsort(-scores, kind="stable")[:_LOOKED_AT].tolist():
             if scores[i] < options.min_score:
                 break
@@ -91,19 +89,10 @@ class HybridRetriever:
                 kind, most = str(program.get("language")), options.programs
             elif record.type == "failure_avoidance":
                 kind, most = "constraint", options.top_k_constraints
-            if len(shown[kind]) < most and not any(self._same(record, other) for other in shown[kind]):
-                shown[kind].append(record)
+            if shown[kind] < most:
+                shown[kind] += 1
                 chosen.append(i)
         return chosen
-
-    def _same(self, first: Record, second: Record) -> bool:
-        """Whether a record says the same as a better one that is shown, apart from their effects' numbers.
-
-        A stricter bound does not: who obeys the other one fails again.
-        """
-        mine, theirs = _wording(first.content), _wording(second.content)
-        alike = len(mine & theirs) >= self._options.same_words * len(mine | theirs)
-        return alike and _parameter(first) == _parameter(second) and not _stricter(first, second)
 
 
 class SemanticRetriever:
@@ -126,30 +115,6 @@ class SemanticRetriever:
         cosines = candidates.cosine(query_embedding)
         best = np.argsort(-cosines, kind="stable")[: self._top_k].tolist()
         return [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best], ""
-
-
-@lru_cache(maxsize=1024)
-def _wording(content: str) -> frozenset[str]:
-    return frozenset(words(content))
-
-
-def _parameter(record: Record) -> str:
-    """The parameter of an effect, and the look that it is about; a program stands for itself."""
-    effect = record.effect_json() or {}
-    if effect.get("kind") == "program":
-        return dump(effect)
-    return dump([str(effect.get(name, "")) for name in ("kind", "parameter", "op", "skill", "object")])
-
-
-def _stricter(first: Record, second: Record) -> bool:
-    """Whether the first record's bound excludes values that the second's, of the same parameter, allows."""
-    mine, theirs = first.effect_json() or {}, second.effect_json() or {}
-    if mine.get("kind") != "bound" or mine.get("scale") != theirs.get("scale"):
-        return False
-    own, other = mine.get("value"), theirs.get("value")
-    if not (isinstance(own, int | float) and isinstance(other, int | float)):
-        return False
-    return own > other if mine.get("op") == ">=" else own < other
 
 
 def score_terms(

@@ -21,7 +21,7 @@ NOW = 1.8e9
 
 
 def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> list[tuple[int, float]]:
-    """All reliable rows with S, best first, one row and one word at a time; no row counts as said twice."""
+    """All reliable rows with S, best first, one row and one word at a time."""
     count = len(bank)
     records = [bank.record(i) for i in range(count)]
     texts = [terms(record.text) for record in records]
@@ -95,8 +95,7 @@ def corpus(size: int, seed: int) -> Candidates:
 )
 def test_ranking_is_that_of_the_plain_formula(seed: int, weights: ScoreWeights) -> None:
     bank = corpus(250, seed)
-    # No row is like another here, so that all of the order shows.
-    options = HybridOptions(top_k=500, top_k_constraints=500, same_words=2.0, min_score=0.5, weights=weights)
+    options = HybridOptions(top_k=500, top_k_constraints=500, min_score=0.5, weights=weights)
     retriever = HybridRetriever(options)
     for task in tasks(8, seed + 10):
         expected = reference(task, bank, options)
@@ -147,46 +146,6 @@ def test_skills_narrow_where_both_are_known() -> None:
     assert {r.row for r in rank("lift it", bank, skill="pick")[0]} == {0, 2}
     assert len(rank("lift it", bank)[0]) == 3
     assert "push" in rank("lift it", candidates(["lift it"], skill=["pick"]), skill="push")[1]
-
-
-def test_copies_of_a_query_take_one_place() -> None:
-    query = "Pick up the red cube and lift it above the tray"
-    copies = [f"{query}{mark}" for mark in ("", ".", "!", "?", "...", " !", "\t-", ";", ",", " ~")]
-    honest = [
-        "grasp the red cube deep before lifting",
-        "approach the cube from above",
-        "lift it slowly near the tray",
-    ]
-    bank = candidates([*copies, *honest], confidence=[1.0] * 10 + [0.8] * 3)
-    ranked, _ = rank(query, bank, top_k=8)
-    rows = [r.row for r in ranked]
-    assert sum(row < 10 for row in rows) == 1
-    assert {10, 11, 12} & set(rows)
-
-
-def test_a_stricter_bound_is_shown_beside_one_that_says_the_same_otherwise() -> None:
-    words = "Unscrew a flat tiny yellow {} of the cyan bottle from the top: failed because it was not turned enough."
-    bound = {"kind": "bound", "parameter": "turn", "skill": "twist", "op": ">="}
-    bank = candidates(
-        [words.format("plate"), words.format("box"), words.format("disc")],
-        effect=[{**bound, "value": value} for value in (3.7, 4.5, 3.6)],
-        type=["failure_avoidance"] * 3,
-        confidence=[1.0, 0.9, 0.8],
-    )
-    assert [r.row for r in rank("unscrew the yellow cap of the cyan bottle", bank)[0]] == [0, 1]
-
-
-def test_the_bound_of_the_asked_objects_look_is_shown_beside_another_looks_stricter_one() -> None:
-    words = "Unscrew a flat small gray disc of the {} object from the top: failed because it was not turned enough."
-    bound = {"kind": "bound", "parameter": "turn", "skill": "twist", "op": ">="}
-    looks = {"red": 3.7, "orange": 3.4}
-    bank = candidates(
-        [words.format(look) for look in looks],
-        effect=[{**bound, "value": value, "object": f"gray on {look}"} for look, value in looks.items()],
-        type=["failure_avoidance"] * 2,
-        confidence=[1.0, 0.6],
-    )
-    assert {r.row for r in rank("unscrew the gray disc of the orange object", bank)[0]} == {0, 1}
 
 
 def test_what_is_sure_but_about_something_else_takes_no_place() -> None:
