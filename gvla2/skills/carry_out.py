@@ -18,7 +18,7 @@ from gvla2.geometry.transform import FloatArray, invert_rigid
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.checks_motion import resolve_motion
 from gvla2.planning.contracts import Abstention, AbstentionKind, Done, Plan, PlanRequest
-from gvla2.planning.effects import Bound, apply_effects, look_of, own_first, sides_of
+from gvla2.planning.effects import Bound, Prior, apply_effects, look_of, own_first, sides_of
 from gvla2.planning.part_hierarchy import CLEAR, assembled, joined, rise
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.skill import Job, Proposal, Skill
@@ -200,7 +200,9 @@ def _theta(
         ]
         theta["lift_height"] = least
     theta |= own
-    lengths, effects = sides_of(theme), request.advice.effects
+    # What the sentence gives (an amount, on or off) is not a guess that earlier successes improve.
+    effects = [e for e in request.advice.effects if not (isinstance(e, Prior) and e.parameter in own)]
+    lengths = sides_of(theme)
     theta, notes = apply_effects(theta, effects, skill.name, lengths=lengths)
     if options.explore > 0.0:
         said = frozenset(own) | stepwise

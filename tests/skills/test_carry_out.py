@@ -10,7 +10,7 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.planning.calls import GraspOptions, SkillCall, SkillOptions
 from gvla2.planning.contracts import Advice, Done
-from gvla2.planning.effects import Bound
+from gvla2.planning.effects import Bound, Prior
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
 from tests.skills.scenes import (
@@ -114,6 +114,14 @@ def turned(plan) -> float:
     ways = [w.orientation.closing for w in plan.trajectory if w.stage in ("close", "turn")]
     angles = np.unwrap([np.arctan2(y, x) for x, y, _ in ways])
     return float(angles[-1] - angles[0])
+
+
+def test_what_succeeded_elsewhere_does_not_overrule_what_the_call_says():
+    advice = Advice("", (Prior("turn", 1.75, count=3, skill="twist"),))
+    asked = replace(request(*jar()), advice=advice)
+    assert carry_out([SkillCall("twist", "cap")], asked).parameters["turn"] < 2.8
+    back = SkillCall("twist", "cap", theta={"turn": -0.5})
+    assert carry_out([back], asked).parameters["turn"] == pytest.approx(-0.5)
 
 
 def test_what_was_turned_stays_turned_and_exploring_goes_on_step_by_step():
