@@ -158,7 +158,7 @@ class JudgedEpisode:
 
 
 def learn(bank: OpenBank, episode: MemoryEpisode, verdict: Verdict) -> Learned:
-    """Store what an episode teaches, credit what was recalled, and govern the bank."""
+    """Store what an episode teaches, credit what was recalled, and archive the surplus."""
     verdict, note = credible(verdict)
     notes = [note] if note else []
     episode = replace(episode, source=source_id(episode.source))
@@ -239,7 +239,7 @@ def _store_lessons(ledger: LessonLedger, drafts: Drafts, fates: list[Learned]) -
             known = ledger.transaction.episodes([one.episode.source]).get(one.episode.source)
             touched = [record.id for record, _ in some]
             ledger.transaction.save_episode(_kept(known, one, touched, ledger.now))
-    govern(ledger)
+    archive_surplus(ledger)
 
 
 def _credit(ledger: LessonLedger, context: MemoryContext, verdict: Verdict) -> None:
@@ -344,7 +344,7 @@ def _activate(
     return fate
 
 
-def govern(ledger: LessonLedger) -> None:
+def archive_surplus(ledger: LessonLedger) -> None:
     """Archive all but a few programs for the same purpose, and records beyond the budgets: first those that neither
     helped nor were confirmed by a second episode, and of these the ones that were longest untouched. Archive stale
     failures where the bank has ``governance``.
