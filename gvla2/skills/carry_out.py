@@ -18,7 +18,7 @@ from gvla2.geometry.transform import FloatArray, invert_rigid
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.checks_motion import resolve_motion
 from gvla2.planning.contracts import Abstention, AbstentionKind, Done, Plan, PlanRequest
-from gvla2.planning.effects import Bound, Prior, apply_effects, look_of, own_first, sides_of
+from gvla2.planning.effects import Bound, Effect, Prior, apply_effects, look_of, own_first, sides_of
 from gvla2.planning.part_hierarchy import CLEAR, assembled, joined, rise
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.skill import Job, Proposal, Skill
@@ -176,6 +176,16 @@ def answer(
     return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
 
 
+def _overrules(effect: Effect, own: Mapping[str, float]) -> bool:
+    """Whether an effect would overrule what the call itself says (an amount, on or off).
+
+    A mean of earlier successes would, and a bound of the other sense, such as that of a turn the other way.
+    """
+    if not isinstance(effect, Prior | Bound) or effect.parameter not in own:
+        return False
+    return isinstance(effect, Prior) or effect.value * own[effect.parameter] <= 0.0
+
+
 def _theta(
     call: SkillCall,
     skill: Skill,
@@ -200,8 +210,7 @@ def _theta(
         ]
         theta["lift_height"] = least
     theta |= own
-    # What the sentence gives (an amount, on or off) is not a guess that earlier successes improve.
-    effects = [e for e in request.advice.effects if not (isinstance(e, Prior) and e.parameter in own)]
+    effects = [e for e in request.advice.effects if not _overrules(e, own)]
     lengths = sides_of(theme)
     theta, notes = apply_effects(theta, effects, skill.name, lengths=lengths)
     if options.explore > 0.0:

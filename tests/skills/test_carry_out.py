@@ -116,12 +116,16 @@ def turned(plan) -> float:
     return float(angles[-1] - angles[0])
 
 
-def test_what_succeeded_elsewhere_does_not_overrule_what_the_call_says():
-    advice = Advice("", (Prior("turn", 1.75, count=3, skill="twist"),))
-    asked = replace(request(*jar()), advice=advice)
+def test_memory_does_not_overrule_what_the_call_says():
+    mean, least = Prior("turn", 1.75, count=3, skill="twist"), Bound("turn", 1.9, ">=", skill="twist")
+    for effects, turn in (((mean,), -0.5), ((least,), -0.5), ((mean, least), 0.0), ((least,), 2.1)):
+        asked = replace(request(*jar()), advice=Advice("", effects))
+        call = SkillCall("twist", "cap", theta={"turn": turn})
+        assert carry_out([call], asked).parameters["turn"] == pytest.approx(turn)
+    # A bound of the same sense holds, and a mean where nothing is said.
+    assert carry_out([replace(call, theta={"turn": 1.0})], asked).parameters["turn"] == pytest.approx(1.9)
+    asked = replace(asked, advice=Advice("", (mean,)))
     assert carry_out([SkillCall("twist", "cap")], asked).parameters["turn"] < 2.8
-    back = SkillCall("twist", "cap", theta={"turn": -0.5})
-    assert carry_out([back], asked).parameters["turn"] == pytest.approx(-0.5)
 
 
 def test_what_was_turned_stays_turned_and_exploring_goes_on_step_by_step():
