@@ -52,8 +52,8 @@ class RulesInducer:
     """Deterministic induction without a language model.
 
     An episode's own lessons are taken unchanged. Without any, a success gives its steps as a hint, and a failure its
-    last error as a constraint, else what the last command of a shell session printed. An unjudged outcome is treated as
-    a success, which admission keeps provisional.
+    last error as a constraint, else what the last command of a shell session printed, else nothing. An unjudged outcome
+    is treated as a success, which admission keeps provisional.
     """
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
@@ -67,11 +67,9 @@ class RulesInducer:
             trouble = [line.strip() for line in episode.transcript.splitlines() if _TROUBLE.search(line)]
             if trouble:
                 return _bounded("failure_avoidance", f"{subject}: failed because of: {_cut(trouble[-1])}")
-            if answered := _answered(episode.transcript):
-                act, answer = answered
-                return _bounded("failure_avoidance", f"{subject}: failed; {act} printed: {answer}")
-            why = f"{subject}: failed although it ended with: {steps[-1]}" if steps else ""
-            return _bounded("failure_avoidance", why)
+            # Where nothing says why, nothing is learned: a lesson that quotes the last act alone has that act repeated.
+            act, answer = _answered(episode.transcript) or ("", "")
+            return _bounded("failure_avoidance", f"{subject}: failed; {act} printed: {answer}" if answer else "")
         how = f"{subject}: these steps led to the end: {'; '.join(steps)}" if steps else ""
         return _bounded("procedural_hint", how)
 

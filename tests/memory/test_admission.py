@@ -79,9 +79,7 @@ def test_a_failure_gives_what_went_wrong_and_no_recipe(verdicts: Any) -> None:
     (lesson,) = induce(verdicts["fail"])
     assert lesson.type == "failure_avoidance"
     assert "IndexError" in lesson.content
-    (bare,) = induce(verdicts["fail"], transcript="- pushed the cup\n- looked")
-    assert bare.type == "failure_avoidance"
-    assert "looked" in bare.content
+    assert induce(verdicts["fail"], transcript="- pushed the cup\n- looked") == ()  # nothing says why
 
 
 @pytest.mark.parametrize("transcript", ["", "   \n", "nothing that looks like a step"])

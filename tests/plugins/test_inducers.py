@@ -101,9 +101,13 @@ def test_reading_answers() -> None:
             "$ book hall\n\nbook: 3 is no date. Dates have dots.\nbye\n$ ls",
             "; book hall printed: book: 3 is no date",
         ),
-        ("$ touch a\n$ true", " although it ended with: true"),
     ],
 )
 def test_why_a_shell_session_failed_by_rules(transcript: str, why: str) -> None:
     (lesson,) = RulesInducer().induce(MemoryEpisode(MemoryTask("Do it"), (), transcript=transcript), FAIL)
     assert (lesson.type, lesson.content) == ("failure_avoidance", f"Do it: failed{why}")
+
+
+def test_a_failure_that_says_nothing_of_its_cause_teaches_nothing() -> None:
+    silent = MemoryEpisode(MemoryTask("Do it"), (), transcript="$ touch a\n$ submit")
+    assert RulesInducer().induce(silent, FAIL) == ()
