@@ -190,7 +190,7 @@ def _number(reward: str) -> float:
 
 
 def transcript(run: AgentRun) -> str:
-    """The transcript of a run as a shell session: each command, and the head and tail of its output."""
+    """The transcript of a run as a shell session: each command, the head and tail of its output, a status but 0."""
     lines = [f"The agent ended with: {run.exit_status or 'nothing'}"]
     for message in run.messages[2:]:  # the first two are the prompts
         content = str(message.get("output", message.get("content", ""))).strip()
@@ -202,4 +202,6 @@ def transcript(run: AgentRun) -> str:
             half = LONGEST_OUTPUT // 2
             long = len(content) > LONGEST_OUTPUT
             lines.append(f"{content[:half]} [...] {content[-half:]}" if long else content)
+            if message.get("status", "0") not in ("", "0"):
+                lines.append(f"(exit status {message['status']})")
     return "\n".join(lines)

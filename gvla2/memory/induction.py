@@ -26,6 +26,7 @@ _MARKED = (
     re.compile(r"^[ \t]*[$>][ \t]+(\S.*)$", re.MULTILINE),
 )
 _STEP = re.compile(r"^\s*(?:[-*•]|>>>|#|tool:|cmd:|command:)\s*(.+)$", re.IGNORECASE)
+_STATUS = re.compile(r"\(exit status -?[1-9]\d*\)")
 _FURTHER = re.compile(r"(?<=[a-z\])])[.;!?](?:\s|$)")
 _TROUBLE = re.compile(
     r"error|exception|traceback|fail|abort|stopped|denied|not found|time[d]? ?out|refused|invalid|no such",
@@ -51,9 +52,10 @@ def acts_of(transcript: str) -> list[str]:
 class RulesInducer:
     """Deterministic induction without a language model.
 
-    An episode's own lessons are taken unchanged. Without any, a success gives its steps as a hint, and a failure its
-    last error as a constraint, else what the last command of a shell session printed, else nothing. An unjudged outcome
-    is treated as a success, which admission keeps provisional.
+    An episode's own lessons are taken unchanged. Without any, a success gives its steps as a hint, and a failure as a
+    constraint what the last command of a shell session that failed printed ("(exit status 1)" after its output), else
+    the last line that tells of an error, else nothing. An unjudged outcome is treated as a success, which admission
+    keeps provisional.
     """
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
@@ -64,12 +66,13 @@ class RulesInducer:
         if not subject:
             return ()
         if verdict.outcome == "verified_fail":
+            # Where nothing says why, nothing is learned: a lesson that quotes any other act has a model repeat it.
+            if refused := _refused(episode.transcript):
+                act, answer = refused
+                return _bounded("failure_avoidance", f"{subject}: failed; {act} printed: {answer}")
             trouble = [line.strip() for line in episode.transcript.splitlines() if _TROUBLE.search(line)]
-            if trouble:
-                return _bounded("failure_avoidance", f"{subject}: failed because of: {_cut(trouble[-1])}")
-            # Where nothing says why, nothing is learned: a lesson that quotes the last act alone has that act repeated.
-            act, answer = _answered(episode.transcript) or ("", "")
-            return _bounded("failure_avoidance", f"{subject}: failed; {act} printed: {answer}" if answer else "")
+            why = f"{subject}: failed because of: {_cut(trouble[-1])}" if trouble else ""
+            return _bounded("failure_avoidance", why)
         how = f"{subject}: these steps led to the end: {'; '.join(steps)}" if steps else ""
         return _bounded("procedural_hint", how)
 
@@ -79,14 +82,17 @@ def _cut(line: str) -> str:
     return _FURTHER.split(line, maxsplit=1)[0][:MAX_STEP]
 
 
-def _answered(transcript: str) -> tuple[str, str] | None:
-    """The last command of a shell session that printed something, and the first sentence of that."""
-    act, last = "", None
+def _refused(transcript: str) -> tuple[str, str] | None:
+    """The last command of a shell session that failed by its status, and the first sentence that it printed."""
+    act = answer = ""
+    last = None
     for line in transcript[:_LONGEST].splitlines():
         if command := _MARKED[-1].match(line):
-            act = command[1]
-        elif act and line.strip():
-            act, last = "", (act[:MAX_STEP], _cut(line.strip()))
+            act, answer = command[1], ""
+        elif _STATUS.fullmatch(line) and act:
+            last = act[:MAX_STEP], answer or "nothing"
+        elif not answer:
+            answer = _cut(line.strip())
     return last
 
 

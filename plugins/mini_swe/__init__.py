@@ -95,10 +95,12 @@ class MiniSwe:
 
 
 def _plain(message: Mapping[str, Any]) -> dict[str, str]:
-    """A message of the conversation, with what the command printed where it is an observation."""
+    """A message of the conversation, with what the command printed and its status where it is an observation."""
     kept = {name: str(message.get(name, "")) for name in ("role", "content")}
-    printed = message.get("extra", {}).get("raw_output")
-    return kept if printed is None else {**kept, "output": str(printed)}
+    extra = message.get("extra", {})
+    if "raw_output" not in extra:
+        return kept
+    return {**kept, "output": str(extra["raw_output"]), "status": str(extra.get("returncode", ""))}
 
 
 @dataclass

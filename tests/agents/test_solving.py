@@ -46,14 +46,12 @@ def test_a_success_teaches_what_another_task_of_its_family_is_told(sandboxed, tm
 
 
 @pytest.mark.parametrize("prompts", ["", str(OURS / "short.yaml")])
-def test_a_failure_teaches_what_the_program_printed_last(sandboxed, tmp_path: Path, prompts: str):
-    with LocalModel(giving(RIGHT)) as model, KnowledgeBank(tmp_path / "m.db") as bank:
-        assert not tried("deposit-letters", model.url, bank, prompts=prompts).solved
+def test_a_failure_teaches_what_the_program_refused_not_what_came_after(sandboxed, tmp_path: Path, prompts: str):
+    with LocalModel(giving({"march": ["bash bin/seal march", "ls"]})) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+        assert not tried("seal-march", model.url, bank, prompts=prompts).solved
         (lesson,) = bank.records()
     assert lesson.type == "failure_avoidance"
-    assert lesson.content.endswith(
-        "failed; bash bin/deposit letters printed: deposit: dry run, nothing was stored"
-    )
+    assert lesson.content.endswith("failed; bash bin/seal march printed: seal: the ledger march is locked")
 
 
 @pytest.mark.parametrize(

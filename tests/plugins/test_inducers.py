@@ -98,9 +98,10 @@ def test_reading_answers() -> None:
     [
         ("$ make\nmake: error: no rule. Add one.\n$ ls\nMakefile", " because of: make: error: no rule"),
         (
-            "$ book hall\n\nbook: 3 is no date. Dates have dots.\nbye\n$ ls",
+            "$ book hall\n\nbook: 3 is no date. Dates have dots.\nbye\n(exit status 2)\n$ ls\nno error",
             "; book hall printed: book: 3 is no date",
         ),
+        ("$ false\n(exit status 1)", "; false printed: nothing"),
     ],
 )
 def test_why_a_shell_session_failed_by_rules(transcript: str, why: str) -> None:
@@ -109,5 +110,5 @@ def test_why_a_shell_session_failed_by_rules(transcript: str, why: str) -> None:
 
 
 def test_a_failure_that_says_nothing_of_its_cause_teaches_nothing() -> None:
-    silent = MemoryEpisode(MemoryTask("Do it"), (), transcript="$ touch a\n$ submit")
+    silent = MemoryEpisode(MemoryTask("Do it"), (), transcript="$ ls\nbin\n$ submit\n")
     assert RulesInducer().induce(silent, FAIL) == ()
