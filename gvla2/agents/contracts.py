@@ -66,8 +66,8 @@ class AgentRun:
     """What an agent did.
 
     ``messages`` are the conversation as plain JSON: role and content, and in an observation what the command printed,
-    its ``output``, if the content has more than that, and its exit ``status``, without which no failure teaches what was
-    refused; ``steps`` the commands that it ran; ``exit_status`` as reported by the agent ("Submitted",
+    its ``output``, if the content has more than that, and its exit ``status``, without which failures teach less;
+    ``steps`` the commands that it ran; ``exit_status`` as reported by the agent ("Submitted",
     "LimitsExceeded"); ``seconds`` of wall clock. ``usage`` counts ``calls``, ``prompt_tokens`` and
     ``completion_tokens``, those of cached answers too.
     """

@@ -46,8 +46,13 @@ def test_a_success_teaches_what_another_task_of_its_family_is_told(sandboxed, tm
 
 
 @pytest.mark.parametrize("prompts", ["", str(OURS / "short.yaml")])
-def test_a_failure_teaches_what_the_program_refused_not_what_came_after(sandboxed, tmp_path: Path, prompts: str):
-    with LocalModel(giving({"march": ["bash bin/seal march", "ls"]})) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+def test_a_failure_teaches_what_the_program_refused_not_what_came_after(
+    sandboxed, tmp_path: Path, prompts: str
+):
+    with (
+        LocalModel(giving({"march": ["bash bin/seal march", "ls"]})) as model,
+        KnowledgeBank(tmp_path / "m.db") as bank,
+    ):
         assert not tried("seal-march", model.url, bank, prompts=prompts).solved
         (lesson,) = bank.records()
     assert lesson.type == "failure_avoidance"
