@@ -223,7 +223,8 @@ ASIDE = 0.03
 ALONG = 0.95
 """Least cosine between such an offset and the direction to the other object."""
 OVER = 0.06
-"""An object carried this near to the goal's middle, horizontal metres, is given relative to the goal."""
+"""An object carried this near to the goal's middle, horizontal metres, is given relative to the goal. The hand may be
+farther off by as much as it holds the object off its middle."""
 
 
 def relative_steps(trajectory: Trajectory, scene: Scene, roles: Mapping[str, str]) -> list[list[Any]]:
@@ -236,10 +237,13 @@ def relative_steps(trajectory: Trajectory, scene: Scene, roles: Mapping[str, str
     theme, goal = known.get(roles.get("theme", "")), known.get(roles.get("goal", ""))
     if theme is None:
         return []
+    way = _distinct(trajectory)
+    hold = next((np.asarray(w.xyz) for w, opened in way if not opened and way[0][1]), theme.centre)
+    near = OVER + float(np.linalg.norm((hold - theme.centre)[:2]))
     steps: list[list[Any]] = []
-    for waypoint, opened in _distinct(trajectory):
+    for waypoint, opened in way:
         at = np.asarray(waypoint.xyz)
-        near_goal = goal is not None and float(np.linalg.norm((at - goal.centre)[:2])) < OVER
+        near_goal = goal is not None and float(np.linalg.norm((at - goal.centre)[:2])) < near
         taken = bool(waypoint.carries) or any(s[-1] == 0 for s in steps)
         first = goal if goal is not None and near_goal and taken else theme
         other = theme if first is goal else goal

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from gvla2.errors import PlanningError
 from gvla2.geometry.transform import FloatArray
@@ -100,7 +101,7 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
     goal = None
     if opened is not None:
         own = scene.family(theme.id)
-        goal = _goal_at(points[opened], scene, own)
+        goal = _goal_at(_rest(points, take, opened, theme), scene, own)
         done = own if goal is None else own | {goal.id}
         for point in points[opened + 1 :]:
             if point.closed and (second := _object_at(point, scene)) is not None and second.id not in done:
@@ -197,6 +198,17 @@ def _object_at(point: PathPoint, scene: Scene) -> SceneObject | None:
         return scene[point.at]
     best = min(solids, key=lambda o: (round(gaps[o.id], 3), float(np.prod(o.extents))), default=None)
     return best if best is not None and gaps[best.id] < NEAR else None
+
+
+def _rest(
+    points: Sequence[PathPoint], at: int, opened: int, theme: SceneObject, turn: float = 0.0
+) -> PathPoint:
+    """The point where the hand opens, moved to where the theme's middle is then: held off its middle, by a wall or a
+    handle, the theme comes to lie beside the hand.
+    """
+    aside = Rotation.from_euler("z", turn).apply((theme.centre - points[at].array) * [1.0, 1.0, 0.0])
+    x, y, z = (float(v) for v in points[opened].array + aside)
+    return replace(points[opened], xyz=(x, y, z))
 
 
 def _goal_at(point: PathPoint, scene: Scene, own: frozenset[str]) -> SceneObject | None:
@@ -296,7 +308,8 @@ def _along(
             path.go("carry", there)
         here = there
     if opened is not None:
-        _let_go(job, path, points[opened], grasp, turn, here, touching)
+        rest = _rest(points, at, opened, job.theme, turn)
+        _let_go(job, path, rest.array, grasp, turn, here, touching)
     how = grasp.description + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     cost = TURNED * (turn != 0.0)
     return Proposal(how, grasp.approaches, preference - cost, path.trajectory())
@@ -305,14 +318,15 @@ def _along(
 def _let_go(
     job: Job,
     path: Path,
-    point: PathPoint,
+    spot: FloatArray,
     grasp: Grasp,
     turn: float,
     here: FloatArray,
     touching: frozenset[str],
 ) -> None:
-    """Go over the place, lower and open the hand; at the goal's middle if the point is close to it."""
-    spot = point.array
+    """Go over the place of the theme's middle, lower and open the hand; at the goal's middle if ``spot`` (3,) is close
+    to it.
+    """
     if job.goal is not None and float(np.linalg.norm((spot - job.goal.centre)[:2])) < CENTRED:
         spot = job.goal.centre
     support = job.scene.table_height

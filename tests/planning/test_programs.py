@@ -122,6 +122,14 @@ def test_steps_are_relative_to_what_they_are_about_and_end_where_the_hand_lets_g
     ]
 
 
+def test_where_the_hand_lets_go_is_relative_to_the_goal_although_it_holds_the_object_by_its_rim():
+    rim = (0.08, 0.0)
+    way = [at(RED, -0.03, g, aside=rim) for g in (1.0, 0.0)]
+    way += [at(BLUE, 0.12, 0.0, carries="red_cube", aside=rim), at(BLUE, 0.03, 1.0, aside=rim)]
+    steps = relative_steps(Trajectory(tuple(way)), SCENE, ROLES)
+    assert steps[2:] == [["blue_cube", 80, 0, 120, 0], ["blue_cube", 80, 0, 30, 1]]
+
+
 def test_a_place_on_the_way_to_the_goal_is_written_along_it():
     way = 0.5 * (BLUE.centre - RED.centre)[:2]
     (step,) = relative_steps(Trajectory((at(RED, 0.1, 0.0, aside=way),)), SCENE, ROLES)

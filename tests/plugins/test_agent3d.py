@@ -3,17 +3,18 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Advice
-from gvla2.planning.programs import relative_steps, waypoints_program
+from gvla2.planning.programs import adapted, relative_steps, waypoints_program
 from gvla2.skills.carry_out import carry_out
 from gvla2.testing import check_planner
 from gvla2_plugins.agent3d import Agent3dConfig, gvla2_planners
 from tests.local_model import LocalModel, said
 from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
-from tests.skills.scenes import PATCH, POST, RING, TRAY, cube, request, sound
+from tests.skills.scenes import PATCH, POST, RING, TRAY, bowl, cube, make_object, request, sound
 
 LIFT = '[["red_cube",0,0,100,1],["red_cube",0,0,-25,1],["red_cube",0,0,-25,0],["red_cube",0,0,150,0]]'
 A = cube("a", (0.3, 0.1))
@@ -140,6 +141,20 @@ def shown(asked, *programs):
 def test_the_path_of_a_skill_can_be_followed_where_it_was_taken(call, objects):
     asked = request(*objects)
     assert shown(asked, path_of_skill(call, asked)) == 1
+
+
+@pytest.mark.parametrize("aside", [(0, 0), (45, 0), (0, 60)])
+def test_an_object_held_by_its_wall_moves_as_the_hand_does(aside):
+    asked = request(bowl(), make_object("patch", "region", (0.35, -0.28, 0.0005), (0.2, 0.2, 0.001)))
+    by_skill = carry_out([SkillCall("place", "bowl", "patch")], asked).trajectory
+    program = path_of_skill(SkillCall("place", "bowl", "patch"), asked)
+    steps = adapted(program, asked.scene, {"bowl": "object_bowl", "patch": "object_patch"}, "")
+    moved = [[s[0], s[1] + aside[0], s[2] + aside[1], *s[3:]] if s[0] == "object_patch" else s for s in steps]
+    by_path = planned(json.dumps(moved), replace(asked, instruction="go")).trajectory
+    hand, meant = (next(w.xyz for w in t if w.stage == "release") for t in (by_path, by_skill))
+    centre, hold = bowl().centre, next(w.xyz for w in by_skill if w.stage == "close")
+    assert np.hypot(*np.subtract(hold, centre)[:2]) > 0.03
+    assert np.subtract(hand, meant)[:2] == pytest.approx(1e-3 * np.array(aside), abs=0.006)
 
 
 def test_a_path_that_leads_nowhere_here_is_not_shown():

@@ -81,6 +81,16 @@ LAMP = (
 )
 
 
+def bowl(xy=(0.42, 0.0)) -> SceneObject:
+    """An open bowl, too wide for the hand: held by its wall."""
+    angles = np.linspace(0.0, 2 * np.pi, 90)
+    ring = np.column_stack(
+        [xy[0] + 0.053 * np.cos(angles), xy[1] + 0.053 * np.sin(angles), np.full(90, TABLE)]
+    )
+    wall = np.concatenate([ring + np.array([0.0, 0.0, z]) for z in np.linspace(0.0, 0.053, 8)])
+    return make_object("bowl", "cylinder", (*xy, 0.0265), (0.11, 0.11, 0.053), opening=0.1, points=wall)
+
+
 def request(*objects: SceneObject, effects=(), **more) -> PlanRequest:
     scene = Scene(objects, TABLE, ARM.workspace)
     start = ARM.forward(ARM.home)

@@ -9,7 +9,7 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.scene import PartJoint, SceneObject
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.mechanisms import slide_for
-from tests.skills.scenes import TABLE, at, cube, make_object, request, sound
+from tests.skills.scenes import TABLE, at, bowl, cube, make_object, request, sound
 
 REACH = 0.16
 HEIGHTS = {"bottom": 0.045, "middle": 0.118, "top": 0.19}
@@ -122,14 +122,10 @@ def test_an_occupied_place_beside_a_goal_is_left_free():
 
 
 def test_what_is_under_an_overhang_is_drawn_aside_before_it_rises():
-    angles = np.linspace(0.0, 2 * np.pi, 90)
-    ring = np.column_stack([0.053 * np.cos(angles), 0.053 * np.sin(angles), np.zeros(90)])
-    wall = np.concatenate([ring + np.array([0.42, 0.0, TABLE + z]) for z in np.linspace(0.0, 0.053, 8)])
-    bowl = make_object("bowl", "cylinder", (0.42, 0.0, 0.0265), (0.11, 0.11, 0.053), opening=0.1, points=wall)
     over = make_object("over", "box", (0.535, 0.0, 0.175), (0.18, 0.3, 0.05))
     call = SkillCall("place", "bowl", "patch")
     patch = make_object("patch", "region", (0.35, -0.28, 0.0005), (0.1, 0.1, 0.001))
-    plans = [sound(carry_out([call], r), r) for r in (request(bowl, patch), request(bowl, patch, over))]
+    plans = [sound(carry_out([call], r), r) for r in (request(bowl(), patch), request(bowl(), patch, over))]
     straight, aside = (np.hypot(*(at(plan, "lift") - at(plan, "close"))[:2]) for plan in plans)
     assert straight < 1e-6
     assert aside > 0.01
