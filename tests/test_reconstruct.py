@@ -121,7 +121,7 @@ def test_the_result_has_choices_stages_and_measures(run: Path):
         "fusion": "residual",
         "renderer": "numba",
     }
-    assert {"prior", "appearance", "soft_hull", "axis", "fusion"} <= {
+    assert {"drift", "prior", "appearance", "fusion", "inset"} <= {
         stage["stage"] for stage in reported["stages"]
     }
     assert all(stage["reason"] for stage in reported["stages"])
@@ -233,7 +233,7 @@ def test_a_picture_that_fails_costs_no_geometry(
 def test_the_branch_is_one_group_of_three_commands(registry: Registry, command: str):
     register(registry, schemas() | suite_schemas())
     chosen = composing.composed(command, "branch=paper", "branch.axis=false")
-    assert chosen.branch == BranchOptions(mode="paper", axis=False)
+    assert chosen.branch == BranchOptions(mode="paper", axis=False, soft_hull=True, fusion=True)
 
 
 @pytest.mark.parametrize(("word", "spec"), [("0-4", "0-4"), ("7", "7"), ("[0-4,7]", "0-4,7"), ("null", None)])

@@ -100,7 +100,9 @@ def refine_geometry(
         obj = branch.run(branch.shrunk, obj)  # p' = c + (p - c)(1 - lambda(p))
     a = obj
     # Source B: p'' = c + (p' - c) * a + delta; carrying on from A keeps what A has mended.
-    b = branch.run(branch.compensated, g0 if paper else a, "axis")
+    b = a
+    if options.fusion or not (options.prior or options.soft_hull):
+        b = branch.run(branch.compensated, g0 if paper else a, "axis")
     out = branch.run(branch.fused, a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
     if not paper:
         painted = None

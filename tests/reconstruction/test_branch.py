@@ -58,6 +58,8 @@ def drifted(obj: Reconstruction) -> Reconstruction:
 def refine(obj, views, given=None, **options):
     axis = MaskEnergy(10) if options.get("mode") == "paper" else Contours(ContoursConfig(name="contours"))
     parts = BranchComponents(given or NoPrior(), axis, Residual(0.5), Rasteriser())
+    if options.get("mode") == "paper":
+        options = {"soft_hull": True, "fusion": True, **options}
     return refine_geometry(obj, views, parts, BranchOptions(**options))
 
 
@@ -97,7 +99,7 @@ def test_sources_of_other_topology_fall_back_to_a(g0, views):
             return np.concatenate([a, b])
 
     parts = BranchComponents(NoPrior(), Contours(ContoursConfig(name="contours")), Growing(), Rasteriser())
-    result = refine_geometry(drifted(g0), views, parts, BranchOptions(appearance=False, mode="paper"))
+    result = refine_geometry(drifted(g0), views, parts, BranchOptions(appearance=False, fusion=True, mode="paper"))
     assert status(result)["fusion"] == "fallback"
     np.testing.assert_array_equal(result.out.gaussians.centres, result.a.gaussians.centres)
 
@@ -111,6 +113,19 @@ def test_paper_mode_puts_both_sources_beside_each_other(g0, views):
     assert (np.linalg.norm(out - a, axis=1) <= 0.5 * np.linalg.norm(b - a, axis=1) + 1e-5).all()
 
 
+def test_soft_hull_and_fusion_are_off_unless_asked_for(g0, views):
+    usual, whole = refine(g0, views, Depth()), refine(g0, views, Depth(), soft_hull=True, fusion=True)
+    assert not {"soft_hull", "axis"} & set(status(usual))
+    assert status(usual)["fusion"] == "skipped"
+    assert {"soft_hull", "axis", "fusion"} <= set(status(whole))
+
+
+def test_a_row_has_its_stages_and_no_others():
+    assert BranchOptions().row("ab_fusion") == BranchOptions(soft_hull=True, fusion=True)
+    assert BranchOptions(axis=False).row("b_axis") == BranchOptions(prior=False, appearance=False, axis=False)
+    assert BranchOptions(soft_hull=True).row("a_prior_appearance") == BranchOptions(axis=False)
+
+
 def test_the_masks_may_refuse_all_of_it(g0, views):
     class Swelling:
         def compensate(self, points, views, centre):
@@ -121,7 +136,7 @@ def test_the_masks_may_refuse_all_of_it(g0, views):
             return a * 1.5
 
     parts = BranchComponents(NoPrior(), Swelling(), Bulging(), Rasteriser())
-    result = refine_geometry(g0, views, parts)
+    result = refine_geometry(g0, views, parts, BranchOptions(fusion=True))
     assert status(result)["fusion"] == "rejected"
     np.testing.assert_allclose(result.out.mesh.vertices, result.a.mesh.vertices)
 
