@@ -62,7 +62,9 @@ class BranchOptions:
     def row(self, variant: str) -> BranchOptions:
         """These options without the stages that a row of the ablation lacks, and with its soft hull and fusion."""
         has = VARIANTS[variant]
-        stages: dict[str, Any] = {name: name in has and getattr(self, name) for name in ("prior", "appearance", "axis")}
+        stages: dict[str, Any] = {
+            name: name in has and getattr(self, name) for name in ("prior", "appearance", "axis")
+        }
         return replace(self, soft_hull="soft_hull" in has, fusion="fusion" in has, **stages)
 
     def changed(self) -> dict[str, str]:

@@ -99,7 +99,9 @@ def test_sources_of_other_topology_fall_back_to_a(g0, views):
             return np.concatenate([a, b])
 
     parts = BranchComponents(NoPrior(), Contours(ContoursConfig(name="contours")), Growing(), Rasteriser())
-    result = refine_geometry(drifted(g0), views, parts, BranchOptions(appearance=False, fusion=True, mode="paper"))
+    result = refine_geometry(
+        drifted(g0), views, parts, BranchOptions(appearance=False, fusion=True, mode="paper")
+    )
     assert status(result)["fusion"] == "fallback"
     np.testing.assert_array_equal(result.out.gaussians.centres, result.a.gaussians.centres)
 
