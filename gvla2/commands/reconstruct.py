@@ -119,12 +119,14 @@ def reconstruct(
 
     Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
     """
+    from gvla2.plugins.assembly import refuse_idle
     from gvla2.reconstruction.branch import BranchComponents, refine_geometry
     from gvla2.record.origin import origin_of
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction import STATES, ReconstructionRecord, ReconstructionRecorder, summary_line
     from gvla2.record.reconstruction_measures import measure
 
+    refuse_idle(config, registry, config.branch)
     with Progress(quiet=config.quiet, label=label) as progress:
         steps = _Steps(progress)
         with steps.step("read"):

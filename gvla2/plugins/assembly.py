@@ -10,6 +10,7 @@ from gvla2.component import described
 from gvla2.errors import ConfigurationError
 from gvla2.plugins.kinds import KINDS, NONE, OWN_TASK
 from gvla2.plugins.registry import Registry
+from gvla2.reconstruction.options import SOFT_HULL
 from gvla2.robot.options import TaskConfig
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def build_components(
     ``choices`` are their names in the record, by default their names by group, without those that nothing uses here;
     ``branch`` the options of the reconstruction branch. A perceiver without a gallery gets the task's known objects.
     Raises :class:`ConfigurationError` for a camera that the robot would not use, for a parameter that no skill has, and
-    for options of the reconstruction branch without a reconstructor.
+    for options of the reconstruction branch that nothing uses.
     """
     from gvla2.episode.loop import Components
     from gvla2.episode.refine import GeometryComponents
@@ -61,6 +62,8 @@ def build_components(
     branch, refines = branch or BranchOptions(), registry.chosen(config, "reconstructor") != NONE
     if not refines:
         _refuse_unused(config, registry, branch)
+    elif choices is None:  # an ablation's rows have stages of their own
+        refuse_idle(config, registry, branch)
     if choices is None:
         offered = (one for kind in registry.kinds for one in registry.components(kind).values())
         idle = {need for one in offered for need in one.needs} - set(built)
@@ -94,6 +97,19 @@ def with_known_objects(config: Any, registry: Registry) -> Any:
     known = task.known_objects if isinstance(task, TaskConfig) else ""
     taught = {"perceiver": replace(perceiver, gallery=known)}
     return {**config, **taught} if isinstance(config, Mapping) else replace(config, **taught)
+
+
+def refuse_idle(config: object, registry: Registry, branch: BranchOptions) -> None:
+    """Raises :class:`ConfigurationError` for numbers of the soft hull, or a fusion, while that stage is off."""
+    fusion = described(registry.configure(config, "fusion")[0])
+    numbers = [f"branch.{name}" for name in branch.changed() if name in SOFT_HULL and not branch.soft_hull]
+    other = [] if branch.fusion or fusion in (NONE, KINDS["fusion"].default) else [f"fusion={fusion}"]
+    for stage, given in (("soft_hull", numbers), ("fusion", other)):
+        if given:
+            raise ConfigurationError(
+                f"{', '.join(given)}: nothing uses this while branch.{stage} is off. Add branch.{stage}=true, or "
+                "leave it out."
+            )
 
 
 def _refuse_unused(config: object, registry: Registry, branch: BranchOptions) -> None:

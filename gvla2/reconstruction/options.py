@@ -13,6 +13,8 @@ from typing import Any
 from gvla2.errors import ConfigurationError
 
 MODES = ("default", "paper")
+SOFT_HULL = ("tau", "eta", "lambda_max")
+"""The soft visual hull's constants."""
 REFERENCE = "baseline"
 VARIANTS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {

@@ -143,6 +143,17 @@ def test_options_that_no_reconstructor_uses_are_refused(registry, compose_run, u
         build_components(config := compose_run(*QUICK, unused), registry, branch=config.branch)
 
 
+@pytest.mark.parametrize(
+    ("given", "stage"),
+    [("fusion=blend", "fusion"), ("branch.tau=.3", "soft_hull"), ("branch.eta=.2", "soft_hull")],
+)
+def test_options_of_a_stage_that_is_off_are_refused_with_the_switch(registry, compose_run, given, stage):
+    with pytest.raises(ConfigurationError, match=f"Add branch.{stage}=true"):
+        build_components(
+            config := compose_run(*QUICK, "reconstructor=hull", given), registry, branch=config.branch
+        )
+
+
 def test_the_objects_of_interest_are_those_that_are_named():
     red, green = (
         SceneObject(f"o{i}", f"{colour} {noun}", "box", colour, POSE, SIZE, np.zeros((1, 3)))
