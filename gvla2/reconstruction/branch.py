@@ -64,7 +64,7 @@ class BranchComponents:
 
 @dataclass(frozen=True)
 class BranchResult:
-    """The branch's sources and its output; ``stages`` in the order they ran."""
+    """The branch's sources and its output; ``stages`` in the order they ran. B is A where nothing asks for it."""
 
     g0: Reconstruction
     a: Reconstruction
@@ -101,7 +101,7 @@ def refine_geometry(
     a = obj
     # Source B: p'' = c + (p' - c) * a + delta; carrying on from A keeps what A has mended.
     b = a
-    if options.fusion or not (options.prior or options.soft_hull):
+    if options.fusion or options.axis_alone:
         b = branch.run(branch.compensated, g0 if paper else a, "axis")
     out = branch.run(branch.fused, a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
     if not paper:
@@ -156,7 +156,7 @@ class _Branch:
         """Fuse x_A and x_B by the strategy, w from s(x_A) and s(x_B). Falls back to A when they do not match."""
         o = self._options
         if not o.fusion:
-            kept, which = (b, "B") if o.axis and not (o.prior or o.soft_hull) else (a, "A")
+            kept, which = (b, "B") if o.axis_alone else (a, "A")
             return kept, StageReport("fusion", "skipped", f"Switched off: source {which} is the output.")
         reason = mismatch(a, b)
         if reason:

@@ -61,6 +61,11 @@ class BranchOptions:
                 f"branch.eta={self.eta:g}, branch.lambda_max={self.lambda_max:g}."
             )
 
+    @property
+    def axis_alone(self) -> bool:
+        """Whether source B is the output where nothing is fused: nothing else moves the geometry."""
+        return self.axis and not (self.prior or self.soft_hull)
+
     def row(self, variant: str) -> BranchOptions:
         """These options without the stages that a row of the ablation lacks, and with its soft hull and fusion."""
         has = VARIANTS[variant]
